@@ -1,0 +1,159 @@
+"""A motion: a skeleton, and for each frame where its root is and how its joints are turned.
+
+Everything here is a pure function of arrays; see `interpose.io` for files and `interpose.retarget` for other skeletons.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose import rotation
+from interpose import skeleton as kinematics
+from interpose.skeleton import HUMANOID, MIRROR, Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A clip or a pose (a motion of one frame).
+
+    root_positions: (frame, 3) metres. local_rotations: (frame, joint, 4), ``q_parent_joint``, scalar last.
+    rate: frames a second. translations: None, or (frame, joint, 3), each joint's place in its parent's frame, for files
+    that animate the positions of joints other than the root (entry 0 repeats the root's position).
+    layout: how the file it was read from is laid out, kept so that writing gives the same file again; opaque here.
+    """
+
+    skeleton: Skeleton
+    root_positions: Float[ndarray, "frame 3"]
+    local_rotations: Float[ndarray, "frame joint 4"]
+    rate: float
+    translations: Float[ndarray, "frame joint 3"] | None = None
+    layout: object | None = None
+
+    def __post_init__(self) -> None:
+        frames, joints = self.local_rotations.shape[:2]
+        if joints != len(self.skeleton) or self.root_positions.shape != (frames, 3):
+            raise ValueError(
+                f"rotations {self.local_rotations.shape} and root {self.root_positions.shape} do not fit "
+                f"{len(self.skeleton)} joints"
+            )
+        if self.translations is not None and self.translations.shape != (frames, joints, 3):
+            raise ValueError(f"translations {self.translations.shape}, expected {(frames, joints, 3)}")
+        if not self.rate > 0:
+            raise ValueError(f"rate must be positive, got {self.rate}")
+
+    def __len__(self) -> int:
+        return len(self.root_positions)
+
+    def __getitem__(self, frames: int | slice) -> Motion:
+        """One frame, or a range of frames, as a motion."""
+        if not isinstance(frames, slice):
+            count = len(self)
+            if not -count <= frames < count:
+                raise IndexError(f"frame {frames} of a motion of {count} frames")
+            frames = slice(frames % count, frames % count + 1)
+        moved = None if self.translations is None else self.translations[frames]
+        return replace(
+            self,
+            root_positions=self.root_positions[frames],
+            local_rotations=self.local_rotations[frames],
+            translations=moved,
+        )
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (len(self) - 1) / self.rate
+
+    def global_rotations(self) -> Float[ndarray, "frame joint 4"]:
+        """``q_world_joint`` of every joint."""
+        return kinematics.global_rotations(self.local_rotations, self.skeleton.parents)
+
+    def global_positions(self) -> Float[ndarray, "frame joint 3"]:
+        """World positions of every joint, metres."""
+        offsets = self.skeleton.offsets if self.translations is None else self.translations
+        return kinematics.global_positions(self.root_positions, self.global_rotations(), self.skeleton.parents, offsets)
+
+
+def from_global(
+    skeleton: Skeleton, root: Float[ndarray, "frame 3"], world: Float[ndarray, "frame joint 4"], rate: float
+) -> Motion:
+    """A motion from root positions and global rotations, signs made continuous."""
+    local = rotation.continuous(kinematics.local_rotations(world, skeleton.parents))
+    return Motion(skeleton, root, local, rate)
+
+
+def concatenate(*parts: Motion) -> Motion:
+    """One motion after another; all of one skeleton and rate."""
+    first = parts[0]
+    if any(p.skeleton != first.skeleton or p.rate != first.rate for p in parts):
+        raise ValueError("motions to be joined must share their skeleton and rate")
+    moved = [p.translations for p in parts if p.translations is not None]
+    return replace(
+        first,
+        root_positions=np.concatenate([p.root_positions for p in parts]),
+        local_rotations=np.concatenate([p.local_rotations for p in parts]),
+        translations=np.concatenate(moved) if len(moved) == len(parts) else None,
+    )
+
+
+def sample(motion: Motion, times: Float[ndarray, "time"]) -> Motion:
+    """The poses at ``times`` (in frames of ``motion``, fractions allowed), the root linear and the rotations SLERPed.
+
+    Times outside the clip are clamped to its ends. A whole-numbered time gives that frame unchanged.
+    """
+    times = np.clip(times, 0.0, len(motion) - 1.0)
+    low = np.floor(times).astype(int)
+    high = np.minimum(low + 1, len(motion) - 1)
+    part = times - low
+
+    def linear(x: Float[ndarray, "frame *rest"]) -> Float[ndarray, "time *rest"]:
+        weight = part.reshape(-1, *[1] * (x.ndim - 1))
+        return (1.0 - weight) * x[low] + weight * x[high]
+
+    exact = part == 0.0
+    turned = motion.local_rotations[low].copy()
+    if not exact.all():
+        between = ~exact
+        turned[between] = rotation.slerp(
+            turned[between], motion.local_rotations[high[between]], part[between][:, None]
+        )
+    return replace(
+        motion,
+        root_positions=linear(motion.root_positions),
+        local_rotations=turned,
+        translations=None if motion.translations is None else linear(motion.translations),
+    )
+
+
+def resample(motion: Motion, rate: float) -> Motion:
+    """The same motion at another rate, first frame kept; the same rate gives the same motion."""
+    if rate == motion.rate:
+        return motion
+    count = int(np.floor(motion.duration * rate + 1e-6)) + 1
+    return replace(sample(motion, np.arange(count) * (motion.rate / rate)), rate=float(rate))
+
+
+def velocities(positions: Float[ndarray, "frame *rest"], rate: float) -> Float[ndarray, "frame *rest"]:
+    """Backward differences a second; the first frame repeats the second's (zero for a single frame)."""
+    if len(positions) == 1:
+        return np.zeros_like(positions)
+    step = np.diff(positions, axis=0) * rate
+    return np.concatenate([step[:1], step])
+
+
+def mirror(motion: Motion) -> Motion:
+    """A motion of :data:`~interpose.skeleton.HUMANOID` seen in a mirror at x = 0, left and right exchanged."""
+    if motion.skeleton.names != HUMANOID.names:
+        raise ValueError("only motions of the 22-joint humanoid can be mirrored; retarget first")
+    flip = np.array([1.0, -1.0, -1.0, 1.0])
+    return replace(
+        motion,
+        root_positions=motion.root_positions * np.array([-1.0, 1.0, 1.0]),
+        local_rotations=motion.local_rotations[:, MIRROR] * flip,
+        translations=None,
+        layout=None,
+    )

@@ -1,0 +1,149 @@
+"""Skeletons, forward kinematics and its inverse.
+
+A skeleton is names, parents and offsets; poses are arrays beside it. ``q_parent_joint`` (local rotation) and
+``q_world_joint`` (global rotation) are unit quaternions (x, y, z, w); positions are metres, Y up, right-handed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose import rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of joints, parents before children; joint 0 is the root.
+
+    names: one a joint, unique. parents: index of each joint's parent, -1 for the root.
+    offsets: (joint, 3), each joint's place in its parent's frame in the rest pose, metres.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Float[ndarray, "joint 3"]
+
+    def __post_init__(self) -> None:
+        if not len(self.names) == len(self.parents) == len(self.offsets):
+            raise ValueError(f"{len(self.names)} names, {len(self.parents)} parents, {len(self.offsets)} offsets")
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"joint names are not unique: {self.names}")
+        if self.parents[0] != -1 or any(not 0 <= p < j for j, p in enumerate(self.parents[1:], start=1)):
+            raise ValueError(f"parents must come before their children and joint 0 be the only root: {self.parents}")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Skeleton)
+            and self.names == other.names
+            and self.parents == other.parents
+            and np.array_equal(self.offsets, other.offsets)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.names, self.parents))
+
+    def index(self, name: str) -> int:
+        """The joint of that name; raises ValueError where there is none."""
+        return self.names.index(name)
+
+
+def global_rotations(
+    local: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
+) -> Float[ndarray, "*batch joint 4"]:
+    """``q_world_joint`` from ``q_parent_joint``."""
+    out = [local[..., 0, :]]
+    for joint, parent in enumerate(parents[1:], start=1):
+        out.append(rotation.multiply(out[parent], local[..., joint, :]))
+    return np.stack(out, axis=-2)
+
+
+def local_rotations(
+    world: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
+) -> Float[ndarray, "*batch joint 4"]:
+    """``q_parent_joint`` from ``q_world_joint``: undoes :func:`global_rotations`."""
+    index = np.array(parents[1:], dtype=int)
+    rest = rotation.multiply(rotation.inverse(world[..., index, :]), world[..., 1:, :])
+    return np.concatenate([world[..., :1, :], rest], axis=-2)
+
+
+def global_positions(
+    root: Float[ndarray, "*batch 3"],
+    world: Float[ndarray, "*batch joint 4"],
+    parents: tuple[int, ...],
+    translations: Float[ndarray, "*#batch joint 3"],
+) -> Float[ndarray, "*batch joint 3"]:
+    """Joint positions from the root's position, global rotations and each joint's place in its parent's frame.
+
+    ``translations`` are the skeleton's offsets, or one set a frame where a file animates them; entry 0 is not used.
+    """
+    index = np.array(parents[1:], dtype=int)
+    bones = rotation.rotate(world[..., index, :], np.broadcast_to(translations[..., 1:, :], (*world.shape[:-2], len(index), 3)))
+    out = [root]
+    for joint, parent in enumerate(parents[1:], start=1):
+        out.append(out[parent] + bones[..., joint - 1, :])
+    return np.stack(out, axis=-2)
+
+
+def local_translations(
+    positions: Float[ndarray, "*batch joint 3"], world: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
+) -> Float[ndarray, "*batch joint 3"]:
+    """Each joint's place in its parent's frame; the root's is its position. Undoes :func:`global_positions`."""
+    index = np.array(parents[1:], dtype=int)
+    bones = positions[..., 1:, :] - positions[..., index, :]
+    rest = rotation.rotate(rotation.inverse(world[..., index, :]), bones)
+    return np.concatenate([positions[..., :1, :], rest], axis=-2)
+
+
+def _humanoid() -> Skeleton:
+    # Bone lengths are LaFAN1's (METHOD.md C10), laid out in a T-pose that looks along +Z with its left hand at +X and
+    # every joint's frame equal to the world's, so that a global rotation is what the bone has turned since the T-pose.
+    side = [
+        ("UpLeg", "Hips", (0.1055, 0.0010, 0.0186)),
+        ("Leg", "UpLeg", (0.0, -0.4350, 0.0)),
+        ("Foot", "Leg", (0.0, -0.4237, 0.0)),
+        ("Toe", "Foot", (0.0, -0.0745, 0.1561)),
+    ]
+    spine = [
+        ("Spine", "Hips", (0.0, 0.0690, -0.0260)),
+        ("Spine1", "Spine", (0.0, 0.1259, 0.0)),
+        ("Spine2", "Spine1", (0.0, 0.1234, 0.0)),
+        ("Neck", "Spine2", (0.0, 0.2583, 0.0)),
+        ("Head", "Neck", (0.0, 0.1177, 0.0)),
+    ]
+    arm = [
+        ("Shoulder", "Spine2", (0.0600, 0.1975, -0.0148)),
+        ("Arm", "Shoulder", (0.1128, 0.0, 0.0)),
+        ("ForeArm", "Arm", (0.3300, 0.0, 0.0)),
+        ("Hand", "ForeArm", (0.2520, 0.0, 0.0)),
+    ]
+    joints: list[tuple[str, str | None, tuple[float, float, float]]] = [("Hips", None, (0.0, 0.0, 0.0))]
+
+    def add_side(prefix: str, sign: float, limb: list[tuple[str, str, tuple[float, float, float]]]) -> None:
+        for name, parent, (x, y, z) in limb:
+            full = parent if parent in ("Hips", "Spine2") else prefix + parent
+            joints.append((prefix + name, full, (sign * x, y, z)))
+
+    add_side("Left", 1.0, side)
+    add_side("Right", -1.0, side)
+    joints.extend(spine)
+    add_side("Left", 1.0, arm)
+    add_side("Right", -1.0, arm)
+    names = tuple(name for name, _, _ in joints)
+    parents = tuple(-1 if parent is None else names.index(parent) for _, parent, _ in joints)
+    return Skeleton(names, parents, np.array([offset for _, _, offset in joints]))
+
+
+HUMANOID = _humanoid()
+"""The 22 joints inside every model, in LaFAN1's order, in a T-pose facing +Z, left at +X, frames equal to the world's."""
+
+MIRROR = tuple(
+    HUMANOID.index(n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")) for n in HUMANOID.names
+)
+"""For each joint of :data:`HUMANOID`, its counterpart on the other side (itself where it lies in the middle)."""
