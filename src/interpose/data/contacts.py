@@ -1,0 +1,52 @@
+"""Which of the four foot joints rest on the ground in each frame.
+
+:func:`by_speed` is the rule of the LaFAN1 benchmark and of the RMIB family (METHOD.md B1): a joint that moves by
+less than a squared 0.02 cm^2 a frame is in contact, at whatever height. :func:`detect` is the rule for training
+(METHOD.md C2): slower than 0.15 m/s and within 3 cm of the joint's resting height, then the median of five frames.
+It is looser in speed, so that a foot that rolls stays down, and stricter in height, so that a foot held still in
+the air does not count.
+
+Heights are above the floor at y = 0; what stands on a box is not in contact. All positions are metres, Y up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from scipy.ndimage import median_filter
+
+from interpose.skeleton import HUMANOID
+
+JOINTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
+"""The joints of the four columns, here and in a database."""
+
+INDICES = tuple(HUMANOID.index(name) for name in JOINTS)
+
+REST_HEIGHTS = np.array([0.09, 0.02, 0.09, 0.02])
+"""Height of each joint above the floor when the foot is flat on it, metres."""
+
+BENCHMARK_SPEED = float(np.sqrt(0.02) / 100.0 * 30.0)
+"""0.1414 cm a frame at 30 Hz, as m/s."""
+
+SPEED = 0.15
+CLEARANCE = 0.03
+MEDIAN_FRAMES = 5
+
+
+def by_speed(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:
+    """The benchmark's contacts: speed to the next frame below 4.24 cm/s; the last frame repeats the one before it."""
+    if len(positions) == 1:
+        return np.ones((1, len(JOINTS)), dtype=bool)
+    step = np.linalg.norm(np.diff(positions[:, INDICES], axis=0), axis=-1) * rate
+    still = step < BENCHMARK_SPEED
+    return np.concatenate([still, still[-1:]])
+
+
+def detect(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:
+    """Contacts for training, from global positions at ``rate`` Hz. A single frame is judged by its heights alone."""
+    feet = positions[:, INDICES]
+    step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
+    speed = np.linalg.norm(step, axis=-1) * rate
+    down = (speed < SPEED) & (feet[..., 1] < REST_HEIGHTS + CLEARANCE)
+    return median_filter(down.astype(np.uint8), size=(MEDIAN_FRAMES, 1), mode="nearest").astype(bool)

@@ -1,0 +1,92 @@
+"""The root of each frame: where a character stands on the ground and which way it faces.
+
+Two definitions, for two needs. :func:`trajectory` is that of AI4Animation's root module (METHOD.md C3), which the
+DC-MoE paper builds on (section 3.1, the set X^R): the hips on the ground, and the direction across hips and upper
+arms turned by a quarter, smoothed over two seconds. The smoothing adapts: its Gaussian weights are raised to the
+power of the turning rate, so that a standing character's sway is averaged away and a quick turn is followed. It
+needs neighbours in time. :func:`pose_yaw` needs one pose only.
+
+Two things differ from the source. Sides that point up or down (a character on its side) count less in the means, by
+the length of their shadow. And outside the clip the facing is reflected through the end point, not about it: a
+character that turns at the end of a clip goes on turning there, in place of turning back, so the ends are not
+pulled behind.
+
+Ground coordinates are (x, z). A facing is a unit vector (x, z); yaw is the angle about +Y from +Z towards +X.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from numpy.lib.stride_tricks import sliding_window_view
+
+from interpose import rotation
+from interpose.skeleton import HUMANOID
+
+WINDOW_SECONDS = 2.0
+UP = np.array([0.0, 1.0, 0.0])
+
+_SIDES = tuple((HUMANOID.index(f"Left{name}"), HUMANOID.index(f"Right{name}")) for name in ("UpLeg", "Arm"))
+
+
+def trajectory(positions: Float[ndarray, "frame 22 3"], rate: float) -> Float[ndarray, "frame 4"]:
+    """Root of every frame, (x, z, facing x, facing z), from global positions in metres at ``rate`` Hz."""
+    return np.concatenate([positions[:, 0, [0, 2]], smooth(facing(positions), rate)], axis=-1)
+
+
+def facing(positions: Float[ndarray, "*batch 22 3"]) -> Float[ndarray, "*batch 2"]:
+    """The direction across hips and upper arms, turned by a quarter and not smoothed.
+
+    Its length, at most 1, says how much of the sides lies in the ground plane; 0 where both are upright.
+    """
+    across = [positions[..., left, :] - positions[..., right, :] for left, right in _SIDES]
+    x, _, z = np.moveaxis(sum(side / np.linalg.norm(side, axis=-1, keepdims=True) for side in across), -1, 0) / 2.0
+    return np.stack([-z, x], axis=-1)
+
+
+def smooth(directions: Float[ndarray, "frame 2"], rate: float) -> Float[ndarray, "frame 2"]:
+    """Unit directions, averaged over a window of two seconds that narrows as they turn faster."""
+    half = round(rate * WINDOW_SECONDS / 2.0)
+    if half == 0:
+        return _unit(directions)
+    taps = np.arange(-half, half + 1)
+    gaussian = np.exp(-((taps / (0.5 * half)) ** 2))
+
+    angles = np.unwrap(yaw(directions))
+    angles = np.pad(angles, half + 1, mode="reflect", reflect_type="odd")
+    lengths = np.pad(np.linalg.norm(directions, axis=-1), half + 1, mode="reflect") + 1e-9
+    rates = np.diff(angles)[:-1] * rate
+    certain = np.minimum(lengths[1:-1], lengths[:-2])
+    angles, lengths = angles[1:-1], lengths[1:-1]
+
+    def windows(x: Float[ndarray, "padded"]) -> Float[ndarray, "frame tap"]:
+        return sliding_window_view(x, len(taps))
+
+    weights = windows(certain) * gaussian
+    power = np.abs(np.sum(weights * windows(rates), axis=-1) / np.sum(weights, axis=-1))
+    weights = windows(lengths) * gaussian ** power[:, None]
+    mean = np.stack([np.sum(weights * windows(f(angles)), axis=-1) for f in (np.sin, np.cos)], axis=-1)
+    vanishes = np.linalg.norm(mean, axis=-1) < 1e-6 * np.sum(weights, axis=-1)
+    return _unit(np.where(vanishes[:, None], directions, mean))
+
+
+def yaw(directions: Float[ndarray, "*batch 2"]) -> Float[ndarray, "*batch"]:
+    """The angle about +Y of a ground direction (x, z), in (-pi, pi]; +Z is 0 and +X a quarter turn."""
+    return np.asarray(np.arctan2(directions[..., 0], directions[..., 1]))
+
+
+def pose_yaw(q_hips_world: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch"]:
+    """The facing of a single pose in (-pi, pi]: the twist about +Y of the hips' global rotation.
+
+    For the frames of :data:`~interpose.skeleton.HUMANOID`, where the identity looks along +Z. It stays continuous
+    while a character lies down and rolls over; only hips exactly upside down have none, and 0 is returned for them.
+    """
+    q = rotation.twist(q_hips_world, UP)
+    angle = 2.0 * np.arctan2(q[..., 1], q[..., 3])
+    return np.asarray(np.pi - np.remainder(np.pi - angle, 2.0 * np.pi))
+
+
+def _unit(directions: Float[ndarray, "frame 2"]) -> Float[ndarray, "frame 2"]:
+    angle = yaw(directions)
+    return np.stack([np.sin(angle), np.cos(angle)], axis=-1)

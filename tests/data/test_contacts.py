@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from interpose.data import contacts
+from interpose.skeleton import HUMANOID
+
+RATE = 30.0
+Rule = Callable[[np.ndarray, float], np.ndarray]
+
+
+def feet(heights: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Positions of 22 joints, the four foot joints at ``heights`` (frame, 4) and at z ``forward`` (frame, 4)."""
+    positions = np.zeros((len(heights), len(HUMANOID), 3))
+    positions[:, contacts.INDICES, 1] = heights
+    positions[:, contacts.INDICES, 2] = forward
+    return positions
+
+
+def walk(steps: int = 4, half: int = 15) -> tuple[np.ndarray, np.ndarray]:
+    """A walk with alternate feet, ``half`` frames planted and ``half`` in the air: positions and true contacts."""
+    phase = np.arange(2 * half * steps)[:, None] - np.array([0, half])
+    planted = phase % (2 * half) < half
+    swing = np.clip((phase % (2 * half) - half) / half, 0.0, 1.0)
+    forward = phase // (2 * half) + 0.5 * (1.0 - np.cos(np.pi * swing))
+    lift = 0.12 * np.sin(np.pi * swing)
+    heights = np.repeat(lift, 2, axis=1) + contacts.REST_HEIGHTS
+    return feet(heights, np.repeat(forward, 2, axis=1)), np.repeat(planted, 2, axis=1)
+
+
+def test_columns_are_the_benchmarks_joints() -> None:
+    assert contacts.INDICES == (3, 4, 7, 8)
+
+
+@pytest.mark.parametrize("rule", [contacts.detect, contacts.by_speed])
+def test_a_walk_is_planted_and_lifted_where_it_should_be(rule: Rule) -> None:
+    positions, planted = walk()
+    found = rule(positions, RATE)
+    wrong = found != planted
+    edges = np.zeros_like(planted)
+    edges[1:] |= planted[1:] != planted[:-1]
+    near = np.array([np.convolve(column, np.ones(7), mode="same") > 0 for column in edges.T]).T
+    assert not np.any(wrong & ~near)
+    assert wrong.mean() < 0.1
+
+
+def test_a_foot_held_still_in_the_air_is_in_contact_for_the_benchmark_only() -> None:
+    positions = feet(np.full((20, 4), 0.3), np.zeros((20, 4)))
+    assert contacts.by_speed(positions, RATE).all()
+    assert not contacts.detect(positions, RATE).any()
+
+
+def test_a_foot_that_creeps_on_the_floor_is_in_contact_for_training_only() -> None:
+    creep = np.arange(20)[:, None] / RATE * 0.1 * np.ones(4)
+    positions = feet(np.tile(contacts.REST_HEIGHTS, (20, 1)), creep)
+    assert contacts.detect(positions, RATE).all()
+    assert not contacts.by_speed(positions, RATE).any()
+
+
+def test_the_benchmarks_limit_is_a_squared_displacement_of_two_hundredths_of_a_square_centimetre() -> None:
+    for centimetres, expected in ((0.141, True), (0.142, False)):
+        positions = feet(np.zeros((5, 4)), np.arange(5)[:, None] * centimetres / 100.0 * np.ones(4))
+        assert (contacts.by_speed(positions, 30.0) == expected).all()
+
+
+def test_a_single_slip_does_not_break_a_contact() -> None:
+    forward = np.zeros((20, 4))
+    forward[10:] = 0.02
+    positions = feet(np.tile(contacts.REST_HEIGHTS, (20, 1)), forward)
+    assert contacts.detect(positions, RATE).all()
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_short_clips_have_contacts(frames: int) -> None:
+    positions = feet(np.tile(contacts.REST_HEIGHTS, (frames, 1)), np.zeros((frames, 4)))
+    assert contacts.detect(positions, RATE).all()
+    assert contacts.by_speed(positions, RATE).shape == (frames, 4)
