@@ -27,7 +27,8 @@ from interpose.skeleton import HUMANOID
 WINDOW_SECONDS = 2.0
 UP = np.array([0.0, 1.0, 0.0])
 
-_SIDES = tuple((HUMANOID.index(f"Left{name}"), HUMANOID.index(f"Right{name}")) for name in ("UpLeg", "Arm"))
+_LEFT = tuple(HUMANOID.index(name) for name in ("LeftUpLeg", "LeftArm"))
+_RIGHT = tuple(HUMANOID.index(name) for name in ("RightUpLeg", "RightArm"))
 
 
 def trajectory(positions: Float[ndarray, "frame 22 3"], rate: float) -> Float[ndarray, "frame 4"]:
@@ -40,9 +41,9 @@ def facing(positions: Float[ndarray, "*batch 22 3"]) -> Float[ndarray, "*batch 2
 
     Its length, at most 1, says how much of the sides lies in the ground plane; 0 where both are upright.
     """
-    across = [positions[..., left, :] - positions[..., right, :] for left, right in _SIDES]
-    x, _, z = np.moveaxis(sum(side / np.linalg.norm(side, axis=-1, keepdims=True) for side in across), -1, 0) / 2.0
-    return np.stack([-z, x], axis=-1)
+    across = positions[..., _LEFT, :] - positions[..., _RIGHT, :]
+    side = np.mean(across / np.linalg.norm(across, axis=-1, keepdims=True), axis=-2)
+    return np.stack([-side[..., 2], side[..., 0]], axis=-1)
 
 
 def smooth(directions: Float[ndarray, "frame 2"], rate: float) -> Float[ndarray, "frame 2"]:

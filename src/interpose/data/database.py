@@ -1,0 +1,236 @@
+"""A database: prepared clips of the 22 joints at 30 Hz, as a folder of arrays that are mapped, not read, into memory.
+
+    root_positions.npy   (frame, 3) float32      hips, metres
+    local_rotations.npy  (frame, 22, 4) float32  q_parent_joint of HUMANOID, scalar last, signs continuous in a clip
+    root.npy             (frame, 4) float32      x, z, facing x, facing z (interpose.data.root)
+    contacts.npy         (frame, 4) uint8        LeftFoot, LeftToe, RightFoot, RightToe (interpose.data.contacts)
+    ranges.npy           (clip, 2) int64         frames [start, stop) of each clip
+    meta.json            version, dataset, licence, rate, joints, styles, what was skipped, and one entry a clip
+
+Clips follow one another without gaps. Nothing is mirrored on disk. `meta.json` is written last, so a folder that has
+it is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float32, Int64, UInt8
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.motion import Motion
+from interpose.skeleton import HUMANOID
+
+VERSION = 1
+RATE = 30.0
+META = "meta.json"
+_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
+    "root_positions": ((3,), np.float32),
+    "local_rotations": ((len(HUMANOID), 4), np.float32),
+    "root": ((4,), np.float32),
+    "contacts": ((4,), np.uint8),
+    "ranges": ((2,), np.int64),
+}
+"""What each file holds: the shape of a row, and the type."""
+
+
+@dataclass(frozen=True)
+class ClipInfo:
+    """What is known of a clip beside its frames.
+
+    name: unique in the database. file: where it was read from, relative to its source. style: the label, for training.
+    content: what is done in that style ('' where the source does not say). subject: the performer ('' where unknown).
+    source_rate, source_frames: of the file. cut: the frames [start, stop) of the file that were kept.
+    """
+
+    name: str
+    file: str
+    style: str
+    content: str
+    subject: str
+    source_rate: float
+    source_frames: int
+    cut: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class ClipArrays:
+    """The frames of one clip, as they lie in a database."""
+
+    root_positions: Float32[ndarray, "frame 3"]
+    local_rotations: Float32[ndarray, "frame 22 4"]
+    root: Float32[ndarray, "frame 4"]
+    contacts: UInt8[ndarray, "frame 4"]
+
+    def __len__(self) -> int:
+        return len(self.root_positions)
+
+
+@dataclass(frozen=True, eq=False)
+class Database:
+    """A database on disk; the arrays are read-only memory maps."""
+
+    path: Path
+    dataset: str
+    licence: str
+    fingerprint: str
+    skipped: tuple[tuple[str, str], ...]
+    clips: tuple[ClipInfo, ...]
+    root_positions: Float32[ndarray, "frame 3"]
+    local_rotations: Float32[ndarray, "frame 22 4"]
+    root: Float32[ndarray, "frame 4"]
+    contacts: UInt8[ndarray, "frame 4"]
+    ranges: Int64[ndarray, "clip 2"]
+
+    def __len__(self) -> int:
+        """The number of clips."""
+        return len(self.clips)
+
+    @property
+    def frames(self) -> int:
+        return len(self.root_positions)
+
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """The styles of the clips, sorted, each once."""
+        return tuple(sorted({clip.style for clip in self.clips}))
+
+    def style_indices(self) -> Int64[ndarray, "clip"]:
+        """For each clip, the index of its style in :attr:`styles`."""
+        index = {style: i for i, style in enumerate(self.styles)}
+        return np.array([index[clip.style] for clip in self.clips], dtype=np.int64)
+
+    def clip(self, index: int) -> Motion:
+        """One clip as a motion of the humanoid, in double precision."""
+        start, stop = self.ranges[index]
+        turned: Float[ndarray, "frame 22 4"] = self.local_rotations[start:stop].astype(float)
+        turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+        return Motion(HUMANOID, self.root_positions[start:stop].astype(float), turned, RATE)
+
+
+def load(path: Path | str) -> Database:
+    """The database in a folder; raises InputError where it is missing, unfinished, corrupt, or of another version."""
+    path = Path(path)
+    try:
+        meta = json.loads((path / META).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"{path} is not a finished database: it has no {META}; make one with 'interpose prepare'"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path / META} cannot be read ({error}); prepare the database again") from None
+    try:
+        if meta["version"] != VERSION:
+            raise InputError(f"{path} has version {meta['version']}, this program needs {VERSION}; prepare it again")
+        if tuple(meta["joints"]) != HUMANOID.names or meta["rate"] != RATE:
+            raise InputError(f"{path} does not hold the 22 joints at {RATE:g} Hz; prepare it again")
+        clips = tuple(_clip_info(entry) for entry in meta["clips"])
+        dataset, licence, fingerprint = (str(meta[name]) for name in ("dataset", "licence", "fingerprint"))
+        skipped = tuple((str(file), str(reason)) for file, reason in meta["skipped"])
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path / META} is not that of a database ({error!r}); prepare it again") from None
+    arrays = {name: _map(path / f"{name}.npy", *_ARRAYS[name]) for name in _ARRAYS}
+    frames = len(arrays["root_positions"])
+    ends = np.concatenate([[0], arrays["ranges"][:, 1]])
+    fits = all(len(arrays[name]) == frames for name in _ARRAYS if name != "ranges")
+    if not (
+        fits
+        and len(clips) == len(arrays["ranges"])
+        and np.array_equal(arrays["ranges"][:, 0], ends[:-1])
+        and ends[-1] == frames
+        and np.all(np.diff(ends) > 0)
+    ):
+        raise InputError(f"the files of the database {path} do not fit together; prepare it again")
+    return Database(path, dataset, licence, fingerprint, skipped, clips, **arrays)
+
+
+def write(
+    path: Path | str,
+    clips: Sequence[tuple[ClipInfo, int]],
+    arrays: Iterable[ClipArrays],
+    *,
+    dataset: str,
+    licence: str,
+    fingerprint: str = "",
+    skipped: Sequence[tuple[str, str]] = (),
+) -> Database:
+    """Write a database of the given clips, each with its number of frames, and give it back loaded.
+
+    ``arrays`` yields the frames of each clip in the same order and is consumed one clip at a time. A database that was
+    there stays whole until the new one is. Raises InputError where the folder cannot be written.
+    """
+    path = Path(path)
+    stops = np.cumsum([frames for _, frames in clips], dtype=np.int64)
+    ranges = np.stack([stops - [frames for _, frames in clips], stops], axis=-1)
+    meta = {
+        "version": VERSION,
+        "dataset": dataset,
+        "licence": licence,
+        "rate": RATE,
+        "joints": HUMANOID.names,
+        "styles": sorted({info.style for info, _ in clips}),
+        "frames": int(stops[-1]),
+        "fingerprint": fingerprint,
+        "clips": [asdict(info) for info, _ in clips],
+        "skipped": list(skipped),
+    }
+    temporary = {name: path / f".{name}.npy.new" for name in _ARRAYS}
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
+    try:
+        with ExitStack() as stack:
+            files = {name: stack.enter_context(open(temporary[name], "wb")) for name in _ARRAYS}
+            for name, (row, kind) in _ARRAYS.items():
+                rows = len(clips) if name == "ranges" else int(stops[-1])
+                header = {"descr": np.dtype(kind).str, "fortran_order": False, "shape": (rows, *row)}
+                np.lib.format.write_array_header_1_0(files[name], header)
+            files["ranges"].write(ranges.tobytes())
+            for (info, frames), clip in zip(clips, arrays, strict=True):
+                if len(clip) != frames:
+                    raise ValueError(f"clip {info.name} has {len(clip)} frames, {frames} were announced")
+                for field in fields(ClipArrays):
+                    files[field.name].write(getattr(clip, field.name).tobytes())
+        (path / META).unlink(missing_ok=True)
+        for name, file in temporary.items():
+            os.replace(file, path / f"{name}.npy")
+        (path / f".{META}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
+        os.replace(path / f".{META}.new", path / META)
+    except OSError as error:
+        raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
+    finally:
+        for file in temporary.values():
+            file.unlink(missing_ok=True)
+    return load(path)
+
+
+def _clip_info(entry: dict[str, Any]) -> ClipInfo:
+    values = {field.name: entry[field.name] for field in fields(ClipInfo)}
+    start, stop = values["cut"]
+    return ClipInfo(**{**values, "cut": (int(start), int(stop))})
+
+
+def _map(file: Path, row: tuple[int, ...], kind: type) -> ndarray:
+    try:
+        array = np.load(file, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError:
+        raise InputError(f"{file} is missing; prepare the database again") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{file} cannot be read ({error}); prepare the database again") from None
+    if array.dtype != kind or array.shape[1:] != row:
+        raise InputError(
+            f"{file} holds {array.dtype} {array.shape}, expected {np.dtype(kind)} (…, {', '.join(map(str, row))}); "
+            "prepare the database again"
+        )
+    return array
