@@ -1,0 +1,181 @@
+"""`interpose evaluate lafan1`: methods against the truth, as tables and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.evaluate import lafan1, metrics, tables
+from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, Method, from_model
+from interpose.evaluate.metrics import Scores
+from interpose.evaluate.tables import Row
+
+LENGTHS = (*lafan1.LENGTHS, 60, 90)
+TRUTH = "truth"
+"""The name under which the tables show the metrics that need no comparison for the true motion."""
+TOES = ("LeftToe", "RightToe")
+RATED = ("L2P", "L2Q", "L2Q_aligned", "NPSS", "ADE", "SLDE", "foot_slide")
+"""The metrics for which a ratio to interpolation says something."""
+HEADING = """# LaFAN1
+
+Test windows of subject 5: the official protocol (`lafan1`) up to 45 frames, longer windows (`lafan1-extended`) beyond.
+*Context* is the number of known frames before the transition. In brackets: the ratio to `interp` on the same windows.
+With part of the data set's files only these ratios compare with other tables, not the values. Intervals (95 %,
+bootstrap over windows) are in `results.json` and `results.csv`; what each metric is, in `interpose.evaluate.metrics`.
+"""
+_BASELINES = {method.name: method for method in (INTERP, ZERO_VELOCITY)}
+
+
+def evaluate_lafan1(
+    data: Path,
+    methods: Sequence[str],
+    out: Path,
+    *,
+    lengths: Sequence[int] = LENGTHS,
+    context_frames: int = 1,
+    seed: int = 0,
+    find_model: Callable[[str], Path] | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+) -> list[Row]:
+    """Run methods on LaFAN1's test windows and write ``results.json``, ``.csv``, ``.md`` and ``l2p.png`` to ``out``.
+
+    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=FOLDER`` for the model in a
+    folder, or a name that ``find_model`` turns into a folder. lengths: transition lengths in frames. context_frames:
+    1 to 10, how many frames the models know before the transition, the start key included (the baselines know the
+    protocol's ten and use the last). Raises InputError for a method, a length, a context or a folder that cannot be
+    served, before anything is written.
+    """
+    if not 1 <= context_frames <= lafan1.PAST:
+        raise InputError(f"the context has 1 to {lafan1.PAST} frames, not {context_frames}")
+    if not lengths or min(lengths) < 2:
+        raise InputError(f"transition lengths must be 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
+    chosen = [resolve(name, context_frames, seed, find_model) for name in methods]
+    if not chosen:
+        raise InputError(f"no method is named; give some of {', '.join(_BASELINES)} and LABEL=MODEL_FOLDER")
+    labels = [method.name for method in chosen]
+    if len(set(labels)) < len(labels):
+        raise InputError(f"two methods share a label: {', '.join(labels)}; give models as LABEL=FOLDER")
+    progress(f"reading {data}")
+    source = lafan1.read(data)
+    rows: list[Row] = []
+    for window, group in groupby(sorted(set(lengths)), lafan1.window_length):
+        windows = lafan1.cut(source.clips, window)
+        for frames in group:
+            rows += case_rows(Case(windows, frames, source.scale), chosen, seed, progress)
+    tables.write(rows, out, HEADING)
+    return rows
+
+
+def resolve(name: str, context_frames: int, seed: int = 0, find_model: Callable[[str], Path] | None = None) -> Method:
+    """The method of a name as the command line takes it; raises InputError where there is none."""
+    if name in _BASELINES:
+        return _BASELINES[name]
+    label, equals, folder = name.partition("=")
+    if equals and label and folder:
+        if label in (*_BASELINES, TRUTH):
+            raise InputError(f"{name}: {label} is no label for a model; choose another")
+        return from_model(label, Path(folder), context_frames, seed)
+    if find_model is not None:
+        return from_model(name, find_model(name), context_frames, seed)
+    raise InputError(f"unknown method {name}; known are {', '.join(_BASELINES)} and LABEL=MODEL_FOLDER")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One transition length: the windows, the frames to generate after the past ones, and the scale of L2P."""
+
+    windows: lafan1.Windows
+    frames: int
+    scale: Float[ndarray, "joint 3"]
+
+    @property
+    def start(self) -> int:
+        return lafan1.PAST - 1
+
+    @property
+    def target(self) -> int:
+        return lafan1.PAST + self.frames
+
+
+def case_rows(
+    case: Case, methods: Sequence[Method], seed: int = 0, progress: Callable[[str], None] = lambda message: None
+) -> list[Row]:
+    """All metrics of all methods on one transition length, each with its ratio to interp, and the truth's beside."""
+    base = scores(case, INTERP)
+    rows = list(_rows(case, TRUTH, lafan1.PAST, truth_scores(case), base, seed))
+    for method in methods:
+        progress(f"{method.name}: {len(case.windows)} transitions of {case.frames} frames")
+        found = base if method is INTERP else scores(case, method)
+        rows += _rows(case, method.name, method.context_frames, found, base, seed)
+    return rows
+
+
+def scores(case: Case, method: Method) -> dict[str, Scores]:
+    """All metrics of one method, by name."""
+    windows, start, target = case.windows, case.start, case.target
+    first = lafan1.PAST - method.context_frames
+    made_root, made_local = method.generate(
+        windows.root[:, first : lafan1.PAST],
+        windows.local[:, first : lafan1.PAST],
+        windows.root[:, target],
+        windows.local[:, target],
+        case.frames,
+    )
+    made_rotations, made_positions = lafan1.forward_kinematics(windows.skeleton, made_root, made_local)
+    inner = slice(start + 1, target)
+    true_rotations, true_positions = windows.rotations[:, inner], windows.positions[:, inner]
+    whole = windows.positions.copy()
+    whole[:, inner] = made_positions
+    with_keys = slice(start, target + 1)
+    return {
+        "L2P": metrics.l2p(made_positions, true_positions, case.scale),
+        "L2Q": metrics.l2q(made_rotations, true_rotations),
+        "L2Q_aligned": metrics.l2q_aligned(made_rotations, true_rotations),
+        "NPSS": metrics.npss(made_rotations, true_rotations),
+        "ADE": metrics.ade(made_positions, true_positions),
+        "SLDE": metrics.slde(made_positions, true_positions),
+        "jerk_ratio": metrics.jerk_ratio(whole[:, with_keys], windows.positions[:, with_keys]),
+    } | _alone(case, whole)
+
+
+def truth_scores(case: Case) -> dict[str, Scores]:
+    """The metrics that compare with no truth, of the truth itself."""
+    return _alone(case, case.windows.positions)
+
+
+def _alone(case: Case, positions: Float[ndarray, "window frame joint 3"]) -> dict[str, Scores]:
+    start, target, rate = case.start, case.target, case.windows.rate
+    with_keys = positions[:, start : target + 1]
+    toes = with_keys[:, :, [case.windows.skeleton.index(name) for name in TOES]]
+    return {
+        "foot_slide": metrics.foot_slide(toes),
+        "foot_slide_speed": metrics.foot_slide_speed(toes, rate),
+        "foot_slide_share": metrics.foot_slide_share(toes, rate),
+        "arrival_position": metrics.arrival_position(with_keys[:, :-1], with_keys[:, -1]),
+        "key_acceleration": metrics.key_acceleration(positions, rate, start, target),
+    }
+
+
+def _rows(
+    case: Case, method: str, context_frames: int, found: dict[str, Scores], base: dict[str, Scores], seed: int
+) -> Iterator[Row]:
+    for name, score in found.items():
+        draws = score.bootstrap(seed)
+        low, high = metrics.interval(draws)
+        ratio = ratio_low = ratio_high = float("nan")
+        if name in RATED and method != TRUTH and base[name].value > 0.0:
+            ratio = score.value / base[name].value
+            base_draws = base[name].bootstrap(seed)
+            ratios = np.divide(draws, base_draws, out=np.full_like(draws, np.nan), where=base_draws > 0.0)
+            ratio_low, ratio_high = metrics.interval(ratios)
+        protocol = lafan1.protocol(case.frames)
+        yield Row(
+            method, protocol, case.frames, name, score.value, ratio, low, high, context_frames, ratio_low, ratio_high
+        )
