@@ -1,0 +1,10 @@
+"""BVH files: :func:`read`, :func:`write` and the :class:`BvhLayout` that a read motion keeps for writing."""
+
+from __future__ import annotations
+
+from interpose.io.bvh_layout import BvhLayout as BvhLayout
+from interpose.io.bvh_layout import default_layout as default_layout
+from interpose.io.bvh_read import detect_unit as detect_unit
+from interpose.io.bvh_read import rate_of as rate_of
+from interpose.io.bvh_read import read as read
+from interpose.io.bvh_write import write as write

@@ -1,0 +1,106 @@
+"""Writing BVH files, in the layout of the file that a motion came from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.io.bvh_channels import decode, encode
+from interpose.io.bvh_layout import BvhLayout, default_layout
+from interpose.io.bvh_read import rate_of
+from interpose.io.files import write_whole
+from interpose.motion import Motion
+from interpose.skeleton import Skeleton
+
+
+def write(path: str | os.PathLike[str], motion: Motion, verbatim: Mapping[int, int] | None = None) -> None:
+    """Writes a motion as BVH, the file whole or absent.
+
+    A motion that was read from BVH and still has that skeleton gets the file's own hierarchy, channels, unit and line ends;
+    any other :func:`~interpose.io.bvh_layout.default_layout`. ``verbatim[i] = f`` writes frame i with the
+    text of the source file's row f, digit for digit. Without ``verbatim`` every frame whose pose is, to the last bit,
+    that of a row of the source file gets that row's text. Other rows get Euler angles as near to the row before as can be.
+
+    Raises InputError where the path cannot be written, ValueError for poses that are not finite or a ``verbatim`` that does
+    not fit.
+    """
+    if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.local_rotations).all()):
+        raise ValueError("the motion has values that are not finite")
+    layout = motion.layout if isinstance(motion.layout, BvhLayout) and _fits(motion.layout, motion.skeleton) else None
+    if layout is None:
+        if verbatim:
+            raise ValueError("rows can be kept only where the motion has the skeleton of the BVH file it came from")
+        motion = _depth_first(motion)
+        layout = default_layout(motion.skeleton, motion.translations is not None)
+    kept = _same_rows(layout, motion) if verbatim is None else verbatim
+    rows = _rows(layout, motion, kept)
+    time = layout.frame_time
+    if not time or rate_of(time) != motion.rate:
+        time = f"{1.0 / motion.rate:.10f}"
+    line_end = layout.row_end + layout.newline
+    head = f"{layout.head[0]}{len(motion)}{layout.head[1]}{time}{layout.newline}"
+    write_whole(path, (head + line_end.join(rows) + line_end).encode(layout.encoding))
+
+
+def _fits(layout: BvhLayout, skeleton: Skeleton) -> bool:
+    own = layout.skeleton
+    same = own is skeleton or (own.names == skeleton.names and own.parents == skeleton.parents)
+    return same and np.allclose(own.offsets, skeleton.offsets, rtol=0.0, atol=1e-7)
+
+
+def _depth_first(motion: Motion) -> Motion:
+    # BVH nests a joint's children inside it, so their order in the file is depth first.
+    parents = motion.skeleton.parents
+    order: list[int] = []
+    pending = [0]
+    while pending:
+        joint = pending.pop()
+        order.append(joint)
+        pending.extend(child for child in reversed(range(len(parents))) if parents[child] == joint)
+    if order == sorted(order):
+        return motion
+    skeleton = Skeleton(
+        tuple(motion.skeleton.names[j] for j in order),
+        tuple(-1 if j == 0 else order.index(parents[j]) for j in order),
+        motion.skeleton.offsets[order],
+    )
+    moved = None if motion.translations is None else motion.translations[:, order]
+    return replace(motion, skeleton=skeleton, local_rotations=motion.local_rotations[:, order], translations=moved)
+
+
+def _same_rows(layout: BvhLayout, motion: Motion) -> dict[int, int]:
+    if not layout.rows:
+        return {}
+    values = np.array(layout.rows.split(), dtype=float).reshape(-1, layout.channel_count)
+    source = {row: frame for frame, row in enumerate(_pose_bytes(*decode(layout, values)))}
+    poses = _pose_bytes(motion.root_positions, motion.local_rotations, motion.translations)
+    return {frame: source[row] for frame, row in enumerate(poses) if row in source}
+
+
+def _pose_bytes(
+    root: Float[ndarray, "frame 3"], turned: Float[ndarray, "frame joint 4"], moved: Float[ndarray, "frame joint 3"] | None
+) -> list[bytes]:
+    parts = [root, turned.reshape(len(root), -1)] + ([] if moved is None else [moved.reshape(len(root), -1)])
+    return [row.tobytes() for row in np.concatenate(parts, axis=1)]
+
+
+def _rows(layout: BvhLayout, motion: Motion, kept: Mapping[int, int]) -> list[str]:
+    frames = len(motion)
+    if any(not 0 <= out < frames or not 0 <= frame < len(layout.row_bounds) for out, frame in kept.items()):
+        raise ValueError(f"verbatim names frames outside the {frames} written or the {len(layout.row_bounds)} read")
+    rows = [layout.row(kept[i]) if i in kept else "" for i in range(frames)]
+    made = np.array([i not in kept for i in range(frames)])
+    edges = np.flatnonzero(np.diff(made, prepend=False, append=False))
+    for start, stop in zip(edges[0::2], edges[1::2], strict=True):
+        near = rows[start - 1] if start > 0 else rows[stop] if stop < frames else None
+        previous = None if near is None else np.array(near.split(), dtype=float)
+        moved = None if motion.translations is None else motion.translations[start:stop]
+        values = encode(layout, motion.root_positions[start:stop], motion.local_rotations[start:stop], moved, previous)
+        form = " ".join([f"%.{layout.decimals}f"] * layout.channel_count)
+        rows[start:stop] = [form % tuple(row) for row in np.round(values, layout.decimals) + 0.0]
+    return rows
