@@ -118,9 +118,7 @@ def sample(motion: Motion, times: Float[ndarray, "time"]) -> Motion:
     turned = motion.local_rotations[low].copy()
     if not exact.all():
         between = ~exact
-        turned[between] = rotation.slerp(
-            turned[between], motion.local_rotations[high[between]], part[between][:, None]
-        )
+        turned[between] = rotation.slerp(turned[between], motion.local_rotations[high[between]], part[between][:, None])
     return replace(
         motion,
         root_positions=linear(motion.root_positions),

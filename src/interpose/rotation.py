@@ -92,19 +92,19 @@ def twist(q: Float[ndarray, "*batch 4"], axis: Float[ndarray, "3"]) -> Float[nda
 
 
 def between(a: Float[ndarray, "*#batch 3"], b: Float[ndarray, "*#batch 3"]) -> Float[ndarray, "*batch 4"]:
-    """The smallest rotation that brings the direction of ``a`` to that of ``b``. Opposite vectors turn about any normal."""
+    """The smallest rotation that brings the direction of ``a`` to that of ``b``; opposites turn about any normal."""
     a = a / np.linalg.norm(a, axis=-1, keepdims=True)
     b = b / np.linalg.norm(b, axis=-1, keepdims=True)
     a, b = np.broadcast_arrays(a, b)
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
     helper = np.where(np.abs(a[..., :1]) > 0.9, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
     normal = np.cross(a, helper)
-    q = np.where(w > 1e-9, np.concatenate([np.cross(a, b), w], -1), np.concatenate([normal, np.zeros_like(w)], -1))
+    q = np.where(w > 1e-14, np.concatenate([np.cross(a, b), w], -1), np.concatenate([normal, np.zeros_like(w)], -1))
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def continuous(q: Float[ndarray, "frame *batch 4"]) -> Float[ndarray, "frame *batch 4"]:
     """The same rotations with signs chosen so that neighbouring frames lie in the same half of the sphere."""
     flips = np.sum(q[1:] * q[:-1], axis=-1) < 0
-    sign = np.concatenate([np.ones_like(flips[:1], dtype=float), 1.0 - 2.0 * (np.cumsum(flips, axis=0) % 2)])
+    sign = np.concatenate([np.ones((1, *flips.shape[1:])), 1.0 - 2.0 * (np.cumsum(flips, axis=0) % 2)])
     return q * sign[..., None]

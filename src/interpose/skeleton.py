@@ -51,6 +51,8 @@ class Skeleton:
 
     def index(self, name: str) -> int:
         """The joint of that name; raises ValueError where there is none."""
+        if name not in self.names:
+            raise ValueError(f"no joint is called {name!r}; the joints are {', '.join(self.names)}")
         return self.names.index(name)
 
 
@@ -84,7 +86,7 @@ def global_positions(
     ``translations`` are the skeleton's offsets, or one set a frame where a file animates them; entry 0 is not used.
     """
     index = np.array(parents[1:], dtype=int)
-    bones = rotation.rotate(world[..., index, :], np.broadcast_to(translations[..., 1:, :], (*world.shape[:-2], len(index), 3)))
+    bones = rotation.rotate(world[..., index, :], translations[..., 1:, :])
     out = [root]
     for joint, parent in enumerate(parents[1:], start=1):
         out.append(out[parent] + bones[..., joint - 1, :])
@@ -141,7 +143,7 @@ def _humanoid() -> Skeleton:
 
 
 HUMANOID = _humanoid()
-"""The 22 joints inside every model, in LaFAN1's order, in a T-pose facing +Z, left at +X, frames equal to the world's."""
+"""The 22 joints inside every model, LaFAN1's order, in a T-pose facing +Z, left at +X, frames equal to the world's."""
 
 MIRROR = tuple(
     HUMANOID.index(n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")) for n in HUMANOID.names
