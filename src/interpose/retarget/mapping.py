@@ -1,0 +1,107 @@
+"""Which of a user's joints stands for which of the humanoid's, and how the two are turned against each other.
+
+The retargeting is that of METHOD.md C10: global rotations relative to a common T-pose, the root's position scaled by
+the leg-length ratio. `rest_global` holds each source joint's global rotation when its character stands in the
+humanoid's T-pose, so that q_humanoid = q_source * inverse(rest_global) and q_source = q_humanoid * rest_global.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.motion import Motion
+from interpose.retarget import naming, rest
+from interpose.skeleton import HUMANOID, Skeleton
+
+_ANKLE = -float(HUMANOID.offsets[HUMANOID.index("LeftToe"), 1])  # the toe joint of a flat foot lies on the floor
+
+
+@dataclass(frozen=True, eq=False)
+class Mapping:
+    """How `skeleton` stands for the humanoid; made by :func:`plan`.
+
+    profile: the family of rigs that was recognised, or how the joints were found.
+    joints: for each of the 22 joints the source joint, or None.
+    rest_global: (22, 4), rotation of the source joint in the humanoid's T-pose (identity where there is none).
+    scale: source metres times this are the humanoid's. lift: metres added to the height after scaling, which keeps
+    the soles of both on the same floor. hip_centre: (3,), the point midway between the thighs in the source hips' frame.
+    torso: source joints without a counterpart that lie between mapped joints of the spine or neck; they are bent
+    with their neighbours. All others without a counterpart keep their rest rotation.
+    """
+
+    profile: str
+    skeleton: Skeleton
+    joints: tuple[int | None, ...]
+    rest_global: Float[ndarray, "22 4"]
+    scale: float
+    lift: float
+    hip_centre: Float[ndarray, "3"]
+    torso: tuple[int, ...]
+
+    @property
+    def hips(self) -> int:
+        """The source joint that stands for the hips."""
+        joint = self.joints[HUMANOID.index("Hips")]
+        assert joint is not None
+        return joint
+
+    def pairs(self) -> dict[str, str | None]:
+        """For each of the 22 joints the name of the source joint, or None."""
+        names = self.skeleton.names
+        return {ours: None if j is None else names[j] for ours, j in zip(HUMANOID.names, self.joints, strict=True)}
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The humanoid's joints that the source does not have."""
+        return tuple(name for name, source in self.pairs().items() if source is None)
+
+    @property
+    def unmapped(self) -> tuple[str, ...]:
+        """The source joints that the humanoid does not have."""
+        used = set(self.joints)
+        return tuple(name for j, name in enumerate(self.skeleton.names) if j not in used)
+
+
+def plan(source: Skeleton | Motion) -> Mapping:
+    """Find the humanoid in a skeleton; a motion's frames are looked at only where its rest pose says nothing.
+
+    Raises InputError where there are no hips or no whole legs, naming them.
+    """
+    motion = source if isinstance(source, Motion) else None
+    skeleton = source.skeleton if isinstance(source, Motion) else source
+    found = naming.find(skeleton)
+    stance = rest.stance(skeleton, found, motion)
+    leg = stance.leg_length
+    if not leg > 0:
+        raise InputError("the skeleton's legs have no length; its joint offsets are missing")
+    ours = float(np.abs(HUMANOID.offsets[[HUMANOID.index("LeftLeg"), HUMANOID.index("LeftFoot")], 1]).sum())
+    scale = ours / leg
+    return Mapping(
+        found.profile,
+        skeleton,
+        found.joints,
+        stance.rest_global,
+        scale,
+        _ANKLE - scale * stance.ankle_height,
+        stance.hip_centre,
+        found.torso,
+    )
+
+
+def describe(motion: Motion, mapping: Mapping) -> list[tuple[str, str]]:
+    """Rows of (what, value) for a person: the clip, the mapping joint by joint, and what has no counterpart."""
+    pairs = mapping.pairs()
+    rows = [
+        ("profile", mapping.profile),
+        ("joints", f"{len(motion.skeleton)}, {22 - len(mapping.missing)} of the humanoid's 22"),
+        ("frames", f"{len(motion)} at {motion.rate:g} Hz, {motion.duration:.2f} s"),
+        ("scale", f"{mapping.scale:.4f}, floor {100 * mapping.lift:+.1f} cm"),
+    ]
+    rows += [(ours, theirs or "missing, filled from its neighbours") for ours, theirs in pairs.items()]
+    rows.append(("no counterpart", ", ".join(mapping.unmapped) or "none"))
+    return rows

@@ -1,0 +1,154 @@
+"""What is known of common humanoid skeletons: their joint names, and their joint frames where the rest pose hides them.
+
+Only the hips, the head and the limbs are named here; the spine and the neck are read from the hierarchy between them
+(`naming.py`), because their number varies within one family of rigs. Heights and angles were measured on planted feet
+(both joints slower than 0.15 m/s) of the public LaFAN1, 100STYLE and Bandai-Namco clips.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+LEGS = ("UpLeg", "Leg", "Foot", "Toe")
+ARMS = ("Shoulder", "Arm", "ForeArm", "Hand")
+
+
+@dataclass(frozen=True)
+class Frames:
+    """How joint frames lie in a T-pose, for rigs whose rest pose (all rotations zero) is not a human pose.
+
+    Each string names the joint's own axes that point to the character's left, up and forward, as in "+z +x +y".
+    foot_pitch: how far the bone from ankle to toe points down when the sole is flat, radians, None where it is the
+    humanoid's; toe_bend: how far the toe is turned up from the foot then, radians.
+    """
+
+    hips: str
+    torso: str
+    left_leg: str
+    right_leg: str
+    left_arm: str
+    right_arm: str
+    foot_pitch: float | None
+    toe_bend: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Joint names of one family of rigs; "*" stands for the side, spelled as `sides` says (left, right).
+
+    legs: thigh, shin, foot, toe; arms: collar, upper arm, forearm, hand ("-" where the family has none).
+    ankle_height: of a flat foot above the floor, as a share of the leg's length, where it was measured.
+    """
+
+    name: str
+    hips: str
+    head: str
+    legs: str
+    arms: str
+    sides: tuple[str, str] = ("Left", "Right")
+    ankle_height: float | None = None
+    frames: Frames | None = None
+
+    def joints(self) -> dict[str, str]:
+        """The humanoid's joint names with this family's names for them, spine and neck left out."""
+        named = {"Hips": self.hips, "Head": self.head}
+        for side, spelled in zip(("Left", "Right"), self.sides, strict=True):
+            for ours, theirs in zip((*LEGS, *ARMS), (*self.legs.split(), *self.arms.split()), strict=True):
+                if theirs != "-":
+                    named[side + ours] = theirs.replace("*", spelled)
+        return named
+
+
+_LAFAN1 = Frames(
+    hips="+z +x +y",
+    torso="+z +x +y",
+    left_leg="-z -x +y",
+    right_leg="-z -x +y",
+    left_arm="+x +z -y",
+    right_arm="-x -z -y",
+    foot_pitch=None,
+    toe_bend=0.37446,  # 21.455 degrees in every frame: LaFAN1's toes are not captured
+)
+_BANDAI = Frames(
+    hips="-y +x +z",
+    torso="+z +x +y",
+    left_leg="+y -x +z",
+    right_leg="+y +x -z",
+    left_arm="+x +y +z",
+    right_arm="+x -y -z",
+    foot_pitch=0.691,  # 39.6 degrees
+    toe_bend=0.285,  # 16.3 degrees
+)
+
+_L_R = ("L", "R")
+_l_r = ("l", "r")
+
+PROFILES = (
+    Profile(
+        "LaFAN1",
+        "Hips",
+        "Head",
+        "*UpLeg *Leg *Foot *Toe",
+        "*Shoulder *Arm *ForeArm *Hand",
+        ankle_height=0.0745 / 0.8587,
+        frames=_LAFAN1,
+    ),
+    Profile(
+        "100STYLE",
+        "Hips",
+        "Head",
+        "*Hip *Knee *Ankle *Toe",
+        "*Collar *Shoulder *Elbow *Wrist",
+        ankle_height=0.1345,
+    ),
+    Profile(
+        "Bandai-Namco",
+        "Hips",
+        "Head",
+        "UpperLeg_* LowerLeg_* Foot_* Toes_*",
+        "Shoulder_* UpperArm_* LowerArm_* Hand_*",
+        _L_R,
+        ankle_height=0.1461,
+        frames=_BANDAI,
+    ),
+    Profile("Mixamo", "Hips", "Head", "*UpLeg *Leg *Foot *ToeBase", "*Shoulder *Arm *ForeArm *Hand"),
+    Profile("CMU", "hip", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _l_r),
+    Profile("CMU", "root", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _l_r),
+    Profile("CMU", "hip", "head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _l_r),
+    Profile("CMU", "Hips", "Head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _l_r),
+    Profile("Rokoko", "Hips", "Head", "*Thigh *Shin *Foot *Toe", "*Shoulder *Arm *ForeArm *Hand"),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist", _L_R),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist"),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _L_R),
+    Profile(
+        "Unreal", "pelvis", "head", "thigh_* calf_* foot_* ball_*", "clavicle_* upperarm_* lowerarm_* hand_*", _l_r
+    ),
+    Profile(
+        "Rigify", "spine", "spine.006", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _L_R
+    ),
+    Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _L_R),
+    Profile(
+        "Biped",
+        "Pelvis",
+        "Head",
+        "* Thigh|* Calf|* Foot|* Toe0".replace(" ", "").replace("|", " "),
+        "*Clavicle *UpperArm *Forearm *Hand",
+        _L_R,
+    ),
+)
+
+_PREFIX = re.compile(
+    r"^(mixamorig\d*|[mf]_avg|def|org|mch|bip\d+|character\d+|cc_base|valvebiped)[_\-. ]*", re.IGNORECASE
+)
+
+
+def bare(name: str) -> str:
+    """A joint name without namespace and rig prefix: "mixamorig:LeftUpLeg" becomes "LeftUpLeg"."""
+    name = re.split(r"[:|]", name)[-1].strip()
+    return _PREFIX.sub("", name) or name
+
+
+def plain(name: str) -> str:
+    """:func:`bare` without separators and case: "DEF-thigh.L" becomes "thighl"."""
+    return re.sub(r"[^a-z0-9]", "", bare(name).lower())

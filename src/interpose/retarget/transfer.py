@@ -1,0 +1,213 @@
+"""Motion from a user's skeleton to the humanoid, back, and the details that the humanoid does not carry.
+
+METHOD.md C10, in global rotations: see `mapping.py`. The root is carried by the point midway between the thighs, so
+that the legs, and with them the feet, meet the same floor on both skeletons.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose import rotation
+from interpose import skeleton as kinematics
+from interpose.errors import InputError
+from interpose.motion import Motion, concatenate, from_global
+from interpose.retarget.mapping import Mapping, plan
+from interpose.skeleton import HUMANOID
+
+_HIPS = HUMANOID.index("Hips")
+_CENTRE = (HUMANOID.offsets[HUMANOID.index("LeftUpLeg")] + HUMANOID.offsets[HUMANOID.index("RightUpLeg")]) / 2
+_UP = np.array([0.0, 1.0, 0.0])
+_TORSO = tuple(HUMANOID.index(name) for name in ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"))
+_HANG = np.radians(75.0)  # from the T-pose down to the side, for arms that the source does not have
+
+
+def to_humanoid(motion: Motion, mapping: Mapping) -> Motion:
+    """The motion on the 22 joints, at the same rate. Joints that the source lacks are filled from their neighbours.
+
+    Raises InputError where the motion is not of the mapping's skeleton.
+    """
+    _check(motion, mapping)
+    world = motion.global_rotations()
+    turned = _fill(_turned({j: world[:, j] for j in mapping.joints if j is not None}, mapping))
+    hips = mapping.hips
+    centre = motion.global_positions()[:, hips] + rotation.rotate(world[:, hips], mapping.hip_centre)
+    root = centre * mapping.scale - rotation.rotate(turned[:, _HIPS], _CENTRE) + mapping.lift * _UP
+    return from_global(HUMANOID, root, turned, motion.rate)
+
+
+def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) -> Motion:
+    """A motion of the 22 joints on the mapping's skeleton, at the same rate.
+
+    Source joints without a counterpart follow `like`: frame by frame where it is as long as the motion, else its first
+    frame; without it they keep the rest pose. The file's layout, too, is that of `like`.
+    """
+    if motion.skeleton.names != HUMANOID.names:
+        raise InputError("only a motion of the 22-joint humanoid can be carried to another skeleton")
+    turned = motion.global_rotations()
+    centre = (motion.root_positions - mapping.lift * _UP + rotation.rotate(turned[:, _HIPS], _CENTRE)) / mapping.scale
+    world = {
+        joint: rotation.multiply(turned[:, ours], mapping.rest_global[ours])
+        for ours, joint in enumerate(mapping.joints)
+        if joint is not None
+    }
+    place = centre - rotation.rotate(world[mapping.hips], mapping.hip_centre)
+    if like is None:
+        rest = np.tile(rotation.IDENTITY, (len(motion), len(mapping.skeleton), 1))
+        like = Motion(mapping.skeleton, np.zeros((len(motion), 3)), rest, motion.rate)
+        details = _Details(rest, like.root_positions, None)
+    else:
+        _check(like, mapping)
+        if len(like) != len(motion):
+            like = concatenate(*[like[0]] * len(motion))
+        details = _details(like, mapping)
+    return _assemble(world, place, details, mapping, replace(like, rate=motion.rate))
+
+
+def carry_details(generated: Motion, start: Motion, target: Motion, mapping: Mapping | None = None) -> Motion:
+    """The frames between two keys with what the 22 joints lose put back.
+
+    generated: :func:`from_humanoid`'s frames strictly between the keys, evenly spaced. start, target: the user's true
+    poses (the last frame of `start`, the first of `target`). Fingers, twist bones, extra spine joints, joints above the
+    hips and animated bone lengths are interpolated from key to key; the 22 joints stay as generated.
+    """
+    mapping = plan(start) if mapping is None else mapping
+    for motion in (generated, start, target):
+        _check(motion, mapping)
+    first, last = _details(start[-1], mapping), _details(target[0], mapping)
+    part = np.arange(1, len(generated) + 1) / (len(generated) + 1)
+    world = generated.global_rotations()
+    mapped = {joint: world[:, joint] for joint in mapping.joints if joint is not None}
+    place = generated.global_positions()[:, mapping.hips]
+    return _assemble(mapped, place, _mix(first, last, part), mapping, generated)
+
+
+@dataclass(frozen=True)
+class _Details:
+    """What a pose has beyond the 22 joints.
+
+    rotations: (frame, joint, 4), of joints without a counterpart: in the torso beyond the bend of their neighbours,
+    elsewhere beyond the rest pose; of the others the identity. root: where joint 0 is; used where the hips are below it.
+    """
+
+    rotations: Float[ndarray, "frame joint 4"]
+    root: Float[ndarray, "frame 3"]
+    translations: Float[ndarray, "frame joint 3"] | None
+
+
+def _details(motion: Motion, mapping: Mapping) -> _Details:
+    world = motion.global_rotations()
+    mapped = {joint: world[:, joint] for joint in mapping.joints if joint is not None}
+    bent = _bent(mapped, mapping)
+    rotations = motion.local_rotations.copy()
+    for joint in mapped:
+        rotations[:, joint] = rotation.IDENTITY
+    for joint, base in bent.items():
+        rotations[:, joint] = rotation.multiply(rotation.inverse(base), world[:, joint])
+    return _Details(rotations, motion.root_positions, motion.translations)
+
+
+def _mix(a: _Details, b: _Details, part: Float[ndarray, "frame"]) -> _Details:
+    """From pose `a` to pose `b`."""
+    moved = None
+    if a.translations is not None and b.translations is not None:
+        moved = (1 - part)[:, None, None] * a.translations + part[:, None, None] * b.translations
+    root = (1 - part)[:, None] * a.root + part[:, None] * b.root
+    return _Details(rotation.slerp(a.rotations, b.rotations, part[:, None]), root, moved)
+
+
+def _assemble(
+    mapped: dict[int, Float[ndarray, "frame 4"]],
+    hips_place: Float[ndarray, "frame 3"],
+    details: _Details,
+    mapping: Mapping,
+    like: Motion,
+) -> Motion:
+    """A motion from the mapped joints' global rotations, where the hips are, and the details of all others."""
+    skeleton, hips = mapping.skeleton, mapping.hips
+    bent = _bent(mapped, mapping)
+    world: list[Float[ndarray, "frame 4"]] = []
+    for joint, parent in enumerate(skeleton.parents):
+        if joint in mapped:
+            world.append(mapped[joint])
+        elif joint in bent:
+            world.append(rotation.multiply(bent[joint], details.rotations[:, joint]))
+        else:
+            own = details.rotations[:, joint]
+            world.append(own if parent < 0 else rotation.multiply(world[parent], own))
+    turned = np.stack(world, axis=1)
+    root, moved = hips_place, None
+    if details.translations is not None:
+        moved = details.translations.copy()
+        if hips != 0:
+            root = details.root
+            above = skeleton.parents[hips]
+            place = kinematics.global_positions(root, turned, skeleton.parents, moved)[:, above]
+            moved[:, hips] = rotation.rotate(rotation.inverse(turned[:, above]), hips_place - place)
+        moved[:, 0] = root
+    elif hips != 0:
+        zero = np.zeros_like(hips_place)
+        root = hips_place - kinematics.global_positions(zero, turned, skeleton.parents, skeleton.offsets)[:, hips]
+    local = rotation.continuous(kinematics.local_rotations(turned, skeleton.parents))
+    return replace(like, skeleton=skeleton, root_positions=root, local_rotations=local, translations=moved)
+
+
+def _turned(world: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> list[Float[ndarray, "frame 4"] | None]:
+    """For each of the 22 joints its rotation since the T-pose, None where the source has no such joint."""
+    return [
+        None if joint is None else rotation.multiply(world[joint], rotation.inverse(rest))
+        for joint, rest in zip(mapping.joints, mapping.rest_global, strict=True)
+    ]
+
+
+def _bent(mapped: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> dict[int, Float[ndarray, "frame 4"]]:
+    """Global rotations of the torso's joints without a counterpart, spread evenly between their mapped neighbours."""
+    parents = mapping.skeleton.parents
+    rests = {joint: mapping.rest_global[ours] for ours, joint in enumerate(mapping.joints) if joint is not None}
+    spread: dict[int, Float[ndarray, "frame 4"]] = {}
+    for below in mapped:
+        run: list[int] = []
+        above = parents[below]
+        while above in mapping.torso:
+            run.insert(0, above)
+            above = parents[above]
+        if not run or above not in mapped or run[0] in spread:
+            continue
+        low = rotation.multiply(mapped[above], rotation.inverse(rests[above]))
+        high = rotation.multiply(mapped[below], rotation.inverse(rests[below]))
+        for step, joint in enumerate(run, start=1):
+            share = np.full(len(low), step / (len(run) + 1))
+            spread[joint] = rotation.multiply(rotation.slerp(low, high, share), rests[above])
+    return spread
+
+
+def _fill(turned: list[Float[ndarray, "frame 4"] | None]) -> Float[ndarray, "frame 22 4"]:
+    """Rotations for missing joints: bent evenly between their neighbours in the torso, else as their parent's."""
+    out: list[Float[ndarray, "frame 4"]] = []
+    for joint, given in enumerate(turned):
+        if given is not None:
+            out.append(given)
+            continue
+        parent = out[HUMANOID.parents[joint]]
+        name = HUMANOID.names[joint]
+        if name.endswith("Arm") and not name.endswith("ForeArm"):
+            sign = -1.0 if name.startswith("Left") else 1.0
+            parent = rotation.multiply(parent, rotation.from_rotation_vector(np.array([0.0, 0.0, sign * _HANG])))
+        elif joint in _TORSO:
+            line = _TORSO[_TORSO.index(joint) :]
+            ahead = next((k for k in range(len(line)) if turned[line[k]] is not None), None)
+            if ahead is not None:
+                high = turned[line[ahead]]
+                assert high is not None
+                parent = rotation.slerp(parent, high, np.full(len(parent), 1.0 / (ahead + 1)))
+        out.append(parent)
+    return np.stack(out, axis=1)
+
+
+def _check(motion: Motion, mapping: Mapping) -> None:
+    if motion.skeleton.names != mapping.skeleton.names or motion.skeleton.parents != mapping.skeleton.parents:
+        raise InputError("the motion is not of the skeleton that the mapping was planned for; plan it again")
