@@ -1,0 +1,179 @@
+"""Every command's options and help. The work is done in the other modules of this package, imported when it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from tyro.conf import OmitArgPrefixes, Positional, arg
+
+OutFile = Annotated[str, arg(aliases=["-o"], metavar="OUT.bvh")]
+OutFolder = Annotated[str, arg(aliases=["-o"], metavar="DIR")]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How the gaps are filled, and where to."""
+
+    out: OutFile
+    """The file to write, .bvh or .glb. With several variants: OUT-1, OUT-2, …, best first."""
+    method: str = "dcmoe"
+    """dcmoe (a trained model) or interp (straight line and SLERP)."""
+    model: Annotated[str | None, arg(metavar="NAME|DIR")] = None
+    """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
+    style: Annotated[str | None, arg(metavar="NAME")] = None
+    """One of the model's styles; left free where left out."""
+    path: str = "auto"
+    """The root's track on the ground: auto leaves it to the model."""
+    variants: Annotated[int, arg(metavar="N")] = 1
+    """How many different answers to write."""
+    seed: Annotated[int, arg(metavar="S")] = 0
+    """The same seed gives the same motion."""
+    json: bool = False
+    """Print one JSON object for each gap of each variant on standard output."""
+
+
+def fill(
+    clip: Annotated[Positional[str], arg(metavar="CLIP")],
+    /,
+    keys: Annotated[str, arg(metavar="0,45,90-99")],
+    generation: OmitArgPrefixes[Options],
+) -> int:
+    """Keep the key frames of a clip and make all others between the first and the last key anew.
+
+    The frames before the first key and after the last stay as they are.
+
+    Args:
+        clip: The BVH file.
+        keys: Frames to keep, from 0 on, negative ones from the end; they come out digit for digit as they went in.
+    """
+    from interpose.cli import generate
+
+    return generate.fill(clip, keys, generation)
+
+
+def between(
+    start: Annotated[Positional[str], arg(metavar="START")],
+    target: Annotated[Positional[str], arg(metavar="TARGET")],
+    /,
+    frames: Annotated[int, arg(metavar="N")],
+    generation: OmitArgPrefixes[Options],
+) -> int:
+    """Make the motion from one pose to another on one skeleton.
+
+    Args:
+        start: FILE or FILE:FRAME, counted from 0, negative from the end; without FRAME, the file's last frame.
+        target: FILE or FILE:FRAME likewise; without FRAME, the file's first frame.
+        frames: Frames between the two. OUT has N + 2 frames: its first is the start, its last the target.
+    """
+    from interpose.cli import generate
+
+    return generate.between(start, target, frames, generation)
+
+
+def info(files: Annotated[Positional[tuple[str, ...]], arg(metavar="FILE")], /, json: bool = False) -> int:
+    """Tell what BVH files hold and how their joints map to the 22 joints of the models.
+
+    Args:
+        files: BVH files. One that cannot be read is reported, the others are still shown.
+        json: Print one JSON object for each file on standard output.
+    """
+    from interpose.cli import inspect
+
+    return inspect.info(files, json)
+
+
+def models(json: bool = False) -> int:
+    """List the installed models: methods, styles, rate, training data, licence of the weights.
+
+    Args:
+        json: Print one JSON object for each model on standard output.
+    """
+    from interpose.cli import inspect
+
+    return inspect.models(json)
+
+
+def prepare(
+    dataset: Annotated[Positional[Literal["lafan1", "100style", "bandai", "bvh"]], arg(metavar="DATASET")],
+    source: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE")],
+    /,
+    out: OutFolder,
+    workers: Annotated[int | None, arg(metavar="N")] = None,
+) -> int:
+    """Prepare a folder of motion capture for training: a database of the 22 joints at 30 Hz. Resumes where it stopped.
+
+    Args:
+        dataset: lafan1, 100style, bandai, or bvh for any folder of BVH files.
+        source: Folders or files.
+        out: The database's folder.
+        workers: Processes at once; one a core where left out.
+    """
+    from interpose.cli import develop
+
+    return develop.prepare(dataset, source, out, workers)
+
+
+def train(
+    model: Annotated[Positional[Literal["pae", "dcmoe"]], arg(metavar="pae|dcmoe")],
+    /,
+    data: Annotated[tuple[str, ...], arg(metavar="DB")],
+    out: OutFolder,
+    preset: str = "small",
+) -> int:
+    """Train a network on a prepared database. Resumes where the run stopped.
+
+    Args:
+        model: pae (the periodic autoencoder) or dcmoe.
+        data: Databases from `interpose prepare`.
+        out: The run's folder.
+        preset: full, small or tiny; dcmoe also has paper, the paper's recipe unchanged.
+    """
+    from interpose.cli import develop
+
+    return develop.train(model, data, out, preset)
+
+
+def export(run: Annotated[Positional[str], arg(metavar="RUN")], /, out: OutFolder) -> int:
+    """Turn a training run into a model's folder: ONNX networks, checked against torch, and model.json.
+
+    Args:
+        run: The run's folder.
+        out: The model's folder.
+    """
+    from interpose.cli import develop
+
+    return develop.export(run, out)
+
+
+def evaluate(
+    protocol: Annotated[Positional[Literal["lafan1"]], arg(metavar="lafan1")],
+    /,
+    data: Annotated[str, arg(metavar="DIR")],
+    out: OutFolder,
+    methods: Annotated[str, arg(metavar="A,B,…")] = "interp,zero-velocity",
+    model: Annotated[str | None, arg(metavar="NAME|DIR")] = None,
+) -> int:
+    """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and figures (.png).
+
+    Args:
+        protocol: lafan1: the official protocol of LaFAN1.
+        data: The benchmark's folder of BVH files.
+        out: The folder for tables and figures.
+        methods: interp, zero-velocity, dcmoe, separated by commas.
+        model: The model for dcmoe: installed, or a folder; the default model where left out.
+    """
+    from interpose.cli import develop
+
+    return develop.evaluate(protocol, data, methods, model, out)
+
+
+def demo(out: OutFolder = "interpose-demo") -> int:
+    """Fill sample key poses with the default model: BVH, GLB and a contact sheet each, and a table.
+
+    Args:
+        out: The folder to write to.
+    """
+    from interpose.cli import develop
+
+    return develop.demo(out)

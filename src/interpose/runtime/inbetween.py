@@ -1,0 +1,304 @@
+"""One gap, or all gaps of a clip, on the user's own rig.
+
+keys -> the 22 joints (`retarget`) -> 30 Hz (`resampling`) -> the model's roll-out (`rollout`) -> feet kept on the
+ground (`feet`) -> the user's rate -> the user's rig, unmapped joints interpolated and both keys met exactly.
+
+The roll-out is a step of METHOD.md part E: it arrives at the target by construction. What a trip through another
+skeleton may still leave at a key is spread over the gap by `retarget.carry_details`. The arrival errors of
+:class:`Info` measure what is left in the end: the motion is made with its two ends, in the same way as the frames
+between them, and its last frame is held against the target key: the largest distance of a joint, and the largest
+angle between the global rotations of a joint.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from interpose import retarget, rotation
+from interpose.errors import InputError
+from interpose.keys import gaps
+from interpose.motion import Motion, concatenate
+from interpose.runtime.interpolate import aligned, check_gap, interpolate
+from interpose.runtime.resampling import MODEL_RATE, model_steps, recent, to_user_rate
+from interpose.skeleton import HUMANOID
+
+METHODS = ("dcmoe", "interp")
+LONGEST_MODEL_GAP = 600
+CONTEXT = 10
+"""Known frames at 30 Hz, the start key included, that a model is shown at most."""
+
+TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
+CONTACT_HEIGHT = 0.025
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of every gap. Raises InputError where it cannot be had.
+
+    session: the model; needed by every method but interp. style: one of the model's, or None to leave it free.
+    """
+
+    method: str = "dcmoe"
+    session: Any = None
+    style: str | None = None
+    path: str = "auto"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"unknown method '{self.method}'; there are {', '.join(METHODS)}")
+        if self.path != "auto":
+            raise InputError(f"path '{self.path}' cannot be followed; only 'auto' can, which leaves it to the model")
+        if self.seed < 0:
+            raise InputError(f"the seed must be 0 or more, got {self.seed}")
+        if self.method == "interp":
+            if self.style is not None:
+                raise InputError(f"interpolation has no styles; leave out style '{self.style}', or choose dcmoe")
+        elif self.session is None:
+            raise InputError(f"method '{self.method}' needs a model")
+        elif self.style is not None and self.style not in self.session.styles:
+            known = ", ".join(self.session.styles) or "none"
+            raise InputError(f"the model '{self.session.name}' has no style '{self.style}'; it has {known}")
+
+
+@dataclass(frozen=True)
+class Info:
+    """What is told of one transition; the fields are those of `--json`.
+
+    start, target: the keys, as frames of the clip or as they were named. foot_slide_cm_per_frame: of the delivered
+    motion with its keys, by :func:`foot_slide`; None where the rig's feet are not known. seconds: wall time of the gap,
+    all variants together. fallback: None, or why interpolation served in place of the method asked for.
+    """
+
+    start: int | str
+    target: int | str
+    frames: int
+    method: str
+    style: str | None
+    path: str
+    seed: int
+    arrival_position_error_m: float
+    arrival_rotation_error_deg: float
+    foot_slide_cm_per_frame: float | None
+    seconds: float
+    fallback: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One generated transition: ``motion`` has the user's skeleton and rate and the gap's frames, without the keys."""
+
+    motion: Motion
+    info: Info
+
+
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """A clip with all its gaps filled, and what is told of each gap."""
+
+    motion: Motion
+    gaps: tuple[Info, ...]
+
+
+def inbetween(
+    start: Motion,
+    target: Motion,
+    frames: int,
+    request: Request,
+    *,
+    variants: int = 1,
+    mapping: retarget.Mapping | str | None = None,
+    names: tuple[int | str, int | str] | None = None,
+) -> list[Candidate]:
+    """``variants`` candidates for the ``frames`` frames from ``start``'s last to ``target``'s first frame, best first.
+
+    The frames of ``start`` before its last are context: the model sees where the motion comes from. ``mapping`` is what
+    :func:`mapping_of` gave for the clip, where it is known. ``names`` go to the info, by default 0 and frames + 1.
+    The best slides least on its feet and leaves and meets the keys with the least jerk.
+    Raises InputError where the skeletons differ or the gap is too short or too long.
+    """
+    check_gap(start, target, frames)
+    mapping = mapping_of(start) if mapping is None else mapping
+    found = _transitions([start] * variants, target, frames, request, mapping, names or (0, frames + 1))
+    order = np.argsort([cost for _, cost in found], kind="stable")
+    return [found[i][0] for i in order]
+
+
+def fill(clip: Motion, keys: Sequence[int], request: Request, *, variants: int = 1) -> list[Filled]:
+    """``clip`` with all frames between its first and last key made anew, but for the keys; best first.
+
+    ``keys``: ascending frame numbers. What lies before a gap, known or just made, is its context, so that the motion
+    runs through a key without a stop. Raises InputError where no two neighbouring keys have a frame between them.
+    """
+    pairs = gaps(tuple(keys))
+    if not pairs:
+        raise InputError("the keys leave no frame to fill: there must be frames between two of them")
+    mapping = mapping_of(clip)
+    rows = [_copy(clip) for _ in range(variants)]
+    infos: list[tuple[Info, ...]] = [()] * variants
+    costs = np.zeros(variants)
+    reach = int(np.ceil((CONTEXT - 1) * clip.rate / MODEL_RATE)) + 1
+    for first, last in pairs:
+        starts = [row[max(0, first + 1 - reach) : first + 1] for row in rows]
+        made = _transitions(starts, clip[last], last - first - 1, request, mapping, (first, last))
+        for i, (candidate, cost) in enumerate(made):
+            rows[i].root_positions[first + 1 : last] = candidate.motion.root_positions
+            rows[i].local_rotations[first + 1 : last] = candidate.motion.local_rotations
+            moved, made_moved = rows[i].translations, candidate.motion.translations
+            if moved is not None and made_moved is not None:
+                moved[first + 1 : last] = made_moved
+            infos[i] = (*infos[i], candidate.info)
+            costs[i] += cost
+    return [Filled(rows[i], infos[i]) for i in np.argsort(costs, kind="stable")]
+
+
+def mapping_of(motion: Motion) -> retarget.Mapping | str:
+    """How the rig maps to the 22 joints, or in a phrase why it does not."""
+    try:
+        return retarget.plan(motion)
+    except InputError as error:
+        return str(error)
+
+
+def foot_slide(toes: np.ndarray, rate: float) -> float:
+    """Centimetres a 30 Hz frame that the toes travel while they are low: (frame, toe, 3) positions in metres.
+
+    The mean of v (2 - 2^(h / 2.5 cm)) over the samples below 2.5 cm (Zhang et al. 2018, averaged as in RSMT); zero
+    where no toe is ever low.
+    """
+    weight = 2.0 - np.exp2(np.clip(toes[1:, :, 1] / CONTACT_HEIGHT, 0.0, 1.0))
+    travelled = 100.0 * np.linalg.norm(np.diff(toes, axis=0), axis=-1) * rate / MODEL_RATE
+    return float((travelled * weight).sum() / max(1, np.count_nonzero(weight)))
+
+
+def _transitions(
+    starts: list[Motion],
+    target: Motion,
+    frames: int,
+    request: Request,
+    mapping: retarget.Mapping | str,
+    names: tuple[int | str, int | str],
+) -> list[tuple[Candidate, float]]:
+    """A candidate and its cost for each of ``starts``, which end in the same key."""
+    began = time.perf_counter()
+    fallback = None if request.method == "interp" else _why_not(starts[0], frames, request, mapping)
+    if request.method == "interp" or fallback is not None:
+        made = [concatenate(*_ends(s, target, interpolate(s, target, frames))) for s in starts]
+    else:
+        assert request.session is not None
+        assert not isinstance(mapping, str)
+        made = _generate(starts, target, frames, request, request.session, mapping)
+    seconds = time.perf_counter() - began
+    found = []
+    for start, whole in zip(starts, made, strict=True):
+        position, angle = _arrival(whole, aligned(start, target)[1])
+        slide = None
+        if not isinstance(mapping, str):
+            stitched = concatenate(*_ends(start, target, whole[1:-1]))
+            slide = foot_slide(retarget.to_humanoid(stitched, mapping).global_positions()[:, TOES], start.rate)
+        info = Info(
+            start=names[0],
+            target=names[1],
+            frames=frames,
+            method="interp" if fallback is not None else request.method,
+            style=None if fallback is not None else request.style,
+            path=request.path,
+            seed=request.seed,
+            arrival_position_error_m=position,
+            arrival_rotation_error_deg=angle,
+            foot_slide_cm_per_frame=slide,
+            seconds=seconds,
+            fallback=fallback,
+        )
+        found.append((Candidate(whole[1:-1], info), (slide or 0.0) + _roughness(start, whole)))
+    return found
+
+
+def _generate(
+    starts: list[Motion],
+    target: Motion,
+    frames: int,
+    request: Request,
+    session: Any,
+    mapping: retarget.Mapping,
+) -> list[Motion]:
+    """The model's transitions on the user's rig, each with its two ends: frames + 2 frames."""
+    from interpose.runtime import rollout
+
+    steps = model_steps(frames, starts[0].rate)
+    target22 = retarget.to_humanoid(target[0], mapping)
+    contexts = [recent(retarget.to_humanoid(s, mapping), CONTEXT) for s in starts]
+    count = len(contexts)
+    roots, locals_, _ = rollout.generate_batch(
+        session,
+        np.stack([c.root_positions for c in contexts]),
+        np.stack([c.local_rotations for c in contexts]),
+        np.repeat(target22.root_positions, count, axis=0),
+        np.repeat(target22.local_rotations, count, axis=0),
+        steps - 1,
+        style=None if request.style is None else [request.style] * count,
+        seed=request.seed,
+    )
+    made = []
+    for i, (start, context) in enumerate(zip(starts, contexts, strict=True)):
+        root = np.concatenate([context.root_positions, roots[i], target22.root_positions])
+        local = np.concatenate([context.local_rotations, locals_[i], target22.local_rotations])
+        root, local = to_user_rate(root, local, len(context) - 1, frames, start.rate)
+        motion22 = Motion(HUMANOID, root, rotation.continuous(local), start.rate)
+        first, last = aligned(start[-1], target[0])
+        inner = retarget.from_humanoid(motion22[1:-1], mapping, first)
+        inner = retarget.carry_details(inner, first, last, mapping)
+        ends = [retarget.from_humanoid(motion22[i], mapping, key) for i, key in ((0, first), (-1, last))]
+        made.append(concatenate(ends[0], inner, ends[1]))
+    return made
+
+
+def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:
+    """Why the model cannot serve this gap, in one phrase, or None where it can."""
+    assert request.session is not None
+    if isinstance(mapping, str):
+        return mapping
+    if request.session.method != request.method:
+        return f"the model '{request.session.name}' is for method {request.session.method}"
+    if frames > LONGEST_MODEL_GAP:
+        return f"the gap is longer than {LONGEST_MODEL_GAP} frames"
+    if model_steps(frames, start.rate) == 1:
+        return "the gap is shorter than two of the model's frames (1/15 s)"
+    return None
+
+
+def _copy(clip: Motion) -> Motion:
+    moved = None if clip.translations is None else clip.translations.copy()
+    return replace(
+        clip,
+        root_positions=clip.root_positions.copy(),
+        local_rotations=clip.local_rotations.copy(),
+        translations=moved,
+    )
+
+
+def _ends(start: Motion, target: Motion, between: Motion) -> tuple[Motion, Motion, Motion]:
+    first, last = aligned(start[-1], target[0])
+    return first, aligned(first, between)[1], last
+
+
+def _arrival(whole: Motion, target: Motion) -> tuple[float, float]:
+    last = whole[-1]
+    apart = np.linalg.norm(last.global_positions() - target[0].global_positions(), axis=-1).max()
+    turned = rotation.angle(
+        rotation.multiply(rotation.inverse(last.global_rotations()), target[0].global_rotations())
+    ).max()
+    return float(apart), float(np.degrees(turned))
+
+
+def _roughness(start: Motion, whole: Motion) -> float:
+    """How much the joints' mean step changes at the gap's two ends, centimetres a 30 Hz frame."""
+    before = start[-2:-1] if len(start) > 1 else start[:0]
+    positions = 100.0 * concatenate(aligned(whole, before)[1], whole).global_positions() * whole.rate / MODEL_RATE
+    bend = np.linalg.norm(np.diff(positions, n=2, axis=0), axis=-1).mean(axis=-1)
+    return float((bend[:1].sum() + bend[-1:].sum()) / 2.0)
