@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose import rotation
 from interpose.evaluate.lafan1 import PAST
+from interpose.motion import Motion
+from interpose.skeleton import HUMANOID, Skeleton
 
 Generate = Callable[[ndarray, ndarray, ndarray, ndarray, int], tuple[ndarray, ndarray]]
 """``(context_root (window, context, 3), context_local (window, context, joint, 4), target_root (window, 3),
@@ -78,5 +80,60 @@ ZERO_VELOCITY = Method("zero-velocity", _zero_velocity)
 """The start pose, held."""
 
 
-def from_model(name: str, folder: Path, context_frames: int = 1, seed: int = 0) -> Method:
-    raise NotImplementedError
+def from_model(
+    name: str,
+    model: str | None,
+    skeleton: Skeleton,
+    rate: float,
+    *,
+    context_frames: int = 1,
+    style: str | None = None,
+    seed: int = 0,
+) -> Method:
+    """The method of a model on another skeleton: retargeted to the humanoid on the way in and back on the way out.
+
+    model: an installed model's name, its folder, or None for the default one. Raises InputError where it cannot be
+    loaded, or where the skeleton is no humanoid.
+    """
+    from interpose import retarget
+    from interpose.runtime import rollout, session
+
+    loaded = session.load(model)
+    mapping = retarget.plan(skeleton)
+
+    def to_humanoid(
+        root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame joint 4"]
+    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame 22 4"]]:
+        flat = Motion(skeleton, root.reshape(-1, 3), local.reshape(-1, len(skeleton), 4), rate)
+        made = retarget.to_humanoid(flat, mapping)
+        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
+
+    def from_humanoid(
+        root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame 22 4"]
+    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
+        flat = Motion(HUMANOID, root.reshape(-1, 3), local.reshape(-1, len(HUMANOID), 4), rate)
+        made = retarget.from_humanoid(flat, mapping)
+        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
+
+    def generate(
+        context_root: Float[ndarray, "window context 3"],
+        context_local: Float[ndarray, "window context joint 4"],
+        target_root: Float[ndarray, "window 3"],
+        target_local: Float[ndarray, "window joint 4"],
+        frames: int,
+    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
+        start = to_humanoid(context_root, context_local)
+        end_root, end_local = to_humanoid(target_root[:, None], target_local[:, None])
+        made = rollout.generate_batch(loaded, *start, end_root[:, 0], end_local[:, 0], frames, style=style, seed=seed)
+        root, local = from_humanoid(*made)
+        return root, continued(context_local[:, -1], local)
+
+    return Method(name, generate, context_frames)
+
+
+def continued(
+    start: Float[ndarray, "window joint 4"], local: Float[ndarray, "window frame joint 4"]
+) -> Float[ndarray, "window frame joint 4"]:
+    """``local`` with the signs that go on without a jump from the start key's."""
+    whole = np.concatenate([start[:, None], local], axis=1)
+    return rotation.continuous(whole.swapaxes(0, 1)).swapaxes(0, 1)[:, 1:]

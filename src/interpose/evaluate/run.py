@@ -30,6 +30,7 @@ Test windows of subject 5: the official protocol (`lafan1`) up to 45 frames, lon
 With part of the data set's files only these ratios compare with other tables, not the values. Intervals (95 %,
 bootstrap over windows) are in `results.json` and `results.csv`; what each metric is, in `interpose.evaluate.metrics`.
 """
+MODEL_METHODS = ("dcmoe",)
 _BASELINES = {method.name: method for method in (INTERP, ZERO_VELOCITY)}
 
 
@@ -41,29 +42,35 @@ def evaluate_lafan1(
     lengths: Sequence[int] = LENGTHS,
     context_frames: int = 1,
     seed: int = 0,
-    find_model: Callable[[str], Path] | None = None,
+    model: str | None = None,
     progress: Callable[[str], None] = lambda message: None,
 ) -> list[Row]:
     """Run methods on LaFAN1's test windows and write ``results.json``, ``.csv``, ``.md`` and ``l2p.png`` to ``out``.
 
-    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=FOLDER`` for the model in a
-    folder, or a name that ``find_model`` turns into a folder. lengths: transition lengths in frames. context_frames:
-    1 to 10, how many frames the models know before the transition, the start key included (the baselines know the
-    protocol's ten and use the last). Raises InputError for a method, a length, a context or a folder that cannot be
-    served, before anything is written.
+    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=MODEL`` for a model's folder
+    or name, or a model's method (``dcmoe``) alone, which stands for the model ``model``. lengths: of the transitions,
+    in frames. context_frames: 1 to 10, how many frames the models know before the transition, the start key included
+    (the baselines know the protocol's ten and use the last). Where matplotlib is not installed there is no figure.
+    Raises InputError for a method, a length, a context or a folder that cannot be served, before anything is written.
     """
     if not 1 <= context_frames <= lafan1.PAST:
         raise InputError(f"the context has 1 to {lafan1.PAST} frames, not {context_frames}")
     if not lengths or min(lengths) < 2:
         raise InputError(f"transition lengths must be 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
-    chosen = [resolve(name, context_frames, seed, find_model) for name in methods]
-    if not chosen:
-        raise InputError(f"no method is named; give some of {', '.join(_BASELINES)} and LABEL=MODEL_FOLDER")
-    labels = [method.name for method in chosen]
-    if len(set(labels)) < len(labels):
-        raise InputError(f"two methods share a label: {', '.join(labels)}; give models as LABEL=FOLDER")
+    named = [parse_method(text, model) for text in methods]
+    labels = [label for label, _ in named]
+    if len(set(labels)) < max(len(labels), 1):
+        raise InputError(
+            f"methods must be named, each once, got {', '.join(labels) or 'none'}; label models LABEL=MODEL"
+        )
     progress(f"reading {data}")
     source = lafan1.read(data)
+    first = source.clips[0]
+    chosen = [
+        _BASELINES.get(label)
+        or from_model(label, name, first.skeleton, first.rate, context_frames=context_frames, seed=seed)
+        for label, name in named
+    ]
     rows: list[Row] = []
     for window, group in groupby(sorted(set(lengths)), lafan1.window_length):
         windows = lafan1.cut(source.clips, window)
@@ -73,18 +80,18 @@ def evaluate_lafan1(
     return rows
 
 
-def resolve(name: str, context_frames: int, seed: int = 0, find_model: Callable[[str], Path] | None = None) -> Method:
-    """The method of a name as the command line takes it; raises InputError where there is none."""
-    if name in _BASELINES:
-        return _BASELINES[name]
-    label, equals, folder = name.partition("=")
-    if equals and label and folder:
-        if label in (*_BASELINES, TRUTH):
-            raise InputError(f"{name}: {label} is no label for a model; choose another")
-        return from_model(label, Path(folder), context_frames, seed)
-    if find_model is not None:
-        return from_model(name, find_model(name), context_frames, seed)
-    raise InputError(f"unknown method {name}; known are {', '.join(_BASELINES)} and LABEL=MODEL_FOLDER")
+def parse_method(text: str, model: str | None = None) -> tuple[str, str | None]:
+    """The label and the model of a method as it is typed: ``interp``, ``dcmoe``, ``dcmoe=FOLDER``."""
+    label, equals, name = text.strip().partition("=")
+    if equals and label in (*_BASELINES, TRUTH):
+        raise InputError(f"--methods {text}: {label} is no label for a model, choose another")
+    if not label or (equals and not name):
+        raise InputError(f"--methods {text}: give {', '.join(_BASELINES)}, dcmoe or LABEL=MODEL")
+    if not equals and label not in (*_BASELINES, *MODEL_METHODS):
+        raise InputError(
+            f"--methods {text}: no such method; there are {', '.join((*_BASELINES, *MODEL_METHODS))} and LABEL=MODEL"
+        )
+    return label, name if equals else model
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,12 @@ import csv
 import io
 import json
 import math
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from interpose.errors import InputError
+from interpose.io.files import write_whole
 
 METRICS = {
     "L2P": ("no unit", 3),
@@ -31,6 +33,7 @@ METRICS = {
     "jerk_ratio": ("of the truth's", 2),
 }
 """Metric to unit and printed digits, in the order of the tables."""
+TICKS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50)
 
 
 @dataclass(frozen=True)
@@ -55,12 +58,15 @@ class Row:
 
 def write(rows: Sequence[Row], folder: Path, heading: str) -> list[Path]:
     """Write ``results.json``, ``.csv``, ``.md`` and, where matplotlib is installed, ``l2p.png``; returns the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: the folder cannot be made: {(error.strerror or str(error)).lower()}") from None
     texts = {"json": to_json(rows), "csv": to_csv(rows), "md": to_markdown(rows, heading)}
     paths = []
     for suffix, text in texts.items():
         paths.append(folder / f"results.{suffix}")
-        _whole(paths[-1], lambda file, text=text: file.write_text(text, encoding="utf-8"))
+        write_whole(paths[-1], text.encode())
     figure = folder / "l2p.png"
     if draw(rows, figure):
         paths.append(figure)
@@ -121,10 +127,17 @@ def draw(rows: Sequence[Row], path: Path) -> bool:
         axes.fill_between(frames, low, high, color=drawn.get_color(), alpha=0.15, linewidth=0.0)
     axes.set_xlabel("transition length (frames at 30 Hz)")
     axes.set_ylabel("L2P / L2P of interp")
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_yticks([tick for tick in TICKS if low <= tick <= high], minor=False)
+    axes.set_yticks([], minor=True)
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xticks(sorted({row.frames for row in chosen}))
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
-    _whole(path, lambda file: figure.savefig(file, format="png"))
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png")
+    write_whole(path, picture.getvalue())
     return True
 
 
@@ -138,12 +151,3 @@ def _cell(row: Row, digits: int) -> str:
         return "-"
     ratio = "" if math.isnan(row.ratio_to_interp) or row.method == "interp" else f" ({row.ratio_to_interp:.2f})"
     return f"{row.value:.{digits}f}{ratio}"
-
-
-def _whole(path: Path, fill: Callable[[Path], object]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        fill(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
