@@ -1,0 +1,64 @@
+"""The geometry inside the training graph: 6-D rotations, kinematics without a loop over joints, the pose's own root frame.
+
+Every function takes a batch axis first and holds no state, so that it exports to ONNX as a handful of nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import roma
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from interpose.skeleton import HUMANOID
+
+PARENTS = torch.tensor([max(p, 0) for p in HUMANOID.parents])
+OFFSETS = torch.tensor(HUMANOID.offsets, dtype=torch.float32)
+
+
+def _ancestors() -> Tensor:
+    """(joint, joint): 1 where the column's bone lies on the way from the hips to the row's joint."""
+    chain = np.zeros((len(HUMANOID), len(HUMANOID)), dtype=np.float32)
+    for joint, parent in enumerate(HUMANOID.parents):
+        if parent >= 0:
+            chain[joint] = chain[parent]
+            chain[joint, joint] = 1.0
+    return torch.tensor(chain)
+
+
+ANCESTORS = _ancestors()
+
+
+def to_matrix(six: Float[Tensor, "*batch 6"]) -> Float[Tensor, "*batch 3 3"]:
+    """Rotation matrices from 6-D by Gram-Schmidt (Zhou et al. 2019)."""
+    return roma.special_gramschmidt(torch.stack([six[..., :3], six[..., 3:]], dim=-1))
+
+
+def to_six(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 6"]:
+    """The first two columns of a matrix, one after the other."""
+    return torch.cat([m[..., 0], m[..., 1]], dim=-1)
+
+
+def joint_positions(hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch joint 3 3"]) -> Float[Tensor, "batch joint 3"]:
+    """Forward kinematics from global rotations: a bone is its parent's rotation times a constant, and a joint the sum of
+    the bones on its way from the hips, which is one matrix product."""
+    bones = (m[:, PARENTS] * OFFSETS[:, None, :].to(m)).sum(dim=-1)
+    return hips[:, None] + ANCESTORS.to(m) @ bones
+
+
+def facing(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 2"]:
+    """The unit direction (x, z) in which the hips, of rotation ``m``, face: where their twist about the vertical turns +Z.
+
+    The twist of R about y has cos ~ R00 + R22 and sin ~ R02 - R20: no branch, and sane for lying poses.
+    """
+    direction = torch.stack([m[..., 0, 2] - m[..., 2, 0], m[..., 0, 0] + m[..., 2, 2]], dim=-1)
+    return direction / direction.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+
+
+def root_frame(direction: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3 3"]:
+    """The matrix whose product ``v @ m`` takes row vectors from the world into the frame that faces ``direction``."""
+    sin, cos = direction[..., 0], direction[..., 1]
+    zero, one = torch.zeros_like(sin), torch.ones_like(sin)
+    rows = [torch.stack(r, dim=-1) for r in ((cos, zero, sin), (zero, one, zero), (-sin, zero, cos))]
+    return torch.stack(rows, dim=-2)

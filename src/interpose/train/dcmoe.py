@@ -1,0 +1,320 @@
+"""The recipe of DC-MoE: ``interpose train dcmoe --data DB -o RUN``.
+
+What trains well (METHOD.md E) is the default: the residual on the interpolation base, one-step training with noise on
+the input, then truncated back-propagation through the model's own roll-outs, longer by stages. Preset ``paper`` is the
+recipe of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4, batches of 32, losses of
+equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from interpose.data import database
+from interpose.data.database import Database
+from interpose.errors import InputError
+from interpose.features import EXPERT_INPUT, JOINTS
+from interpose.models.dcmoe import HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
+from interpose.train import checkpoint, loop, losses, validation
+from interpose.train.sequences import (
+    Frames,
+    Rows,
+    Sampling,
+    base_window,
+    control,
+    draw,
+    load_frames,
+    replace_rows,
+    truth,
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the training: ``steps`` updates of ``rows`` roll-outs, each ``unroll`` frames long."""
+
+    steps: int
+    unroll: int
+    rows: int
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that decides a training, saved beside its weights."""
+
+    preset: str = "full"
+    experts: int = 16
+    hidden: int = 512
+    gate: tuple[int, int] = (512, 128)
+    absolute: bool = False
+    stages: tuple[Stage, ...] = (Stage(30_000, 1, 1024), Stage(30_000, 8, 256), Stage(30_000, 16, 256))
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    warmup: int = 500
+    average: float = 0.999
+    clip: float = 1.0
+    fresh: float = 0.6
+    """share of the rows that start anew at each update"""
+    mask_target: float = 0.1
+    """probability that a row's target loses some of its joints (section 5.1)"""
+    mask_joint: float = 0.3
+    """of each joint of such a row"""
+    half: bool = True
+    """bfloat16 products"""
+    sampling: Sampling = field(default_factory=Sampling)
+    weights: losses.Weights = field(default_factory=losses.Weights)
+    seed: int = 0
+    databases: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ()
+    phases: bool = False
+    licence: str = ""
+
+
+PRESETS: dict[str, Config] = {
+    "full": Config(),
+    "small": Config(
+        preset="small",
+        experts=8,
+        hidden=256,
+        gate=(256, 64),
+        stages=(Stage(3_000, 1, 512), Stage(5_000, 8, 128), Stage(4_000, 12, 128)),
+    ),
+    "tiny": Config(
+        preset="tiny",
+        experts=2,
+        hidden=32,
+        gate=(32, 16),
+        stages=(Stage(10, 1, 16), Stage(10, 3, 16)),
+        warmup=2,
+        average=0.5,
+        half=False,
+    ),
+    "paper": Config(
+        preset="paper",
+        absolute=True,
+        stages=(Stage(300_000, 1, 32),),
+        learning_rate=1e-4,
+        warmup=0,
+        average=0.0,
+        fresh=1.0,
+        mask_target=1.0,
+        mask_joint=0.1,
+        half=False,
+        sampling=Sampling(
+            lone_start=0.0,
+            context_start=0.0,
+            path=1.0,
+            style_dropout=0.0,
+            phase_known_inside=1.0,
+            rotation_noise=0.0,
+            hips_noise=0.0,
+        ),
+    ),
+}
+"""``full`` has the paper's size, ``small`` is useful on two CPU cores in about an hour, ``tiny`` is for tests, ``paper``
+is the paper's recipe unchanged."""
+
+
+def train(
+    data: list[Path],
+    run_dir: Path,
+    preset: str = "small",
+    *,
+    phases: list[Path] | None = None,
+    max_minutes: float | None = None,
+    device: str = "cpu",
+    seed: int = 0,
+    stages: tuple[Stage, ...] | None = None,
+) -> loop.Outcome:
+    """Trains, or goes on where ``run_dir`` stopped.
+
+    data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
+    10, 3); without them phases are unknown throughout. Raises InputError for an unknown preset, databases that do not
+    load, phases that do not fit, and a run folder of another config.
+    """
+    if preset not in PRESETS:
+        raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    loaded = [database.load(path) for path in data]
+    config = replace(
+        PRESETS[preset],
+        seed=seed,
+        stages=stages or PRESETS[preset].stages,
+        databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
+        styles=tuple(sorted({s for d in loaded for s in d.styles})),
+        phases=phases is not None,
+        licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
+    )
+    arrays = [None] * len(loaded) if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
+    training = _join([load_frames(d, p, list(config.styles), split(d)[0]) for d, p in zip(loaded, arrays, strict=True)])
+    held_out = _join([load_frames(d, p, list(config.styles), split(d)[1]) for d, p in zip(loaded, arrays, strict=True)])
+    return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)
+
+
+def split(data: Database, held_out: float = 0.06, least: int = 130) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Frame ranges for training and for validation: the end of every clip long enough to spare it."""
+    training, validating = [], []
+    for start, stop in data.ranges.tolist():
+        tail = max(least, round(held_out * (stop - start)))
+        cut = stop - tail if stop - start >= 8 * least else stop
+        training.append((start, cut))
+        if cut < stop:
+            validating.append((cut, stop))
+    return training, validating or training[:1]
+
+
+def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
+    """The training itself, on frames that are already on their device."""
+    device = data.hips.device
+    torch.manual_seed(config.seed)
+    styles = len(config.styles)
+    model = DCMoE(Size(config.experts, config.hidden, config.gate, config.absolute, styles)).to(device)
+    model.half_products = config.half
+    generator = torch.Generator(device).manual_seed(config.seed)
+    set_statistics(model, data, config, generator)
+    optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    average = loop.moving_average(model, config.average)
+    state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
+    steps = sum(stage.steps for stage in config.stages)
+
+    def update(step: int) -> Mapping[str, Tensor | float]:
+        stage = _stage(config, step)
+        rows = _rows(state.extra, data, stage, config, generator)
+        factor = loop.cosine(step, steps, config.warmup, floor=0.01) if config.warmup else 1.0
+        loop.set_learning_rate(optimizer, config.learning_rate * factor)
+        total, each = unroll(model, data, rows, stage.unroll, config, generator)
+        optimizer.zero_grad(set_to_none=True)
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+        optimizer.step()
+        average.update_parameters(model)
+        _keep(state.extra, rows)
+        scalars: dict[str, Tensor | float] = {"loss": total.detach(), **{k: v.detach() for k, v in each.items()}}
+        if (step + 1) % 1000 == 0:
+            scalars |= validation.ratios(average.module, held_out, config.sampling)
+        return scalars
+
+    per_step = round(sum(s.steps * s.unroll * s.rows for s in config.stages) / steps)
+    return loop.run(
+        run_dir, config, state, steps, update, samples_per_step=per_step, checkpoint_every=500, max_minutes=max_minutes
+    )
+
+
+def unroll(
+    model: DCMoE, data: Frames, rows: Rows, length: int, config: Config, generator: torch.Generator
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """Rolls ``rows`` on by ``length`` frames from their own states and returns the mean loss; ``rows`` is moved on, cut
+    off from the graph."""
+    mask = target_mask(len(rows.start), config, generator)
+    sums: dict[str, Tensor] = {}
+    total = torch.zeros((), device=data.hips.device)
+    base = base_window(data, rows, length)
+    for i in range(length):
+        here = rows.state.positions
+        after, said = model(rows.state, control(data, rows, base[i], base[i + 1]), mask)
+        real = truth(data, rows, said.frame, said.origin)
+        here = (here - said.origin[:, None]) @ said.frame
+        loss, each = losses.paper(said, real, here) if config.absolute else losses.unrolled(said, real, here, config.weights)
+        total = total + loss / length
+        for name, value in each.items():
+            sums[name] = sums.get(name, 0.0) + value.detach() / length
+        rows.state = after
+        rows.gone = torch.minimum(rows.gone + 1, rows.total)
+    rows.state = State(*(x.detach() for x in rows.state))
+    return total, sums
+
+
+def target_mask(count: int, config: Config, generator: torch.Generator) -> Float[Tensor, "row wide"]:
+    """Hides the target position and rotation of random joints in some rows (section 5.1)."""
+    device = generator.device
+    hit = torch.rand(count, 1, generator=generator, device=device) < config.mask_target
+    joints = (torch.rand(count, JOINTS, generator=generator, device=device) < config.mask_joint) & hit
+    keep = 1.0 - joints.float()
+    mask = torch.ones(count, EXPERT_INPUT.width, device=device)
+    where = EXPERT_INPUT.slices()
+    mask[:, where["target_position"]] = keep.repeat_interleave(3, dim=1)
+    mask[:, where["target_rotation"]] = keep.repeat_interleave(6, dim=1)
+    mask[:, where["speed_needed"]] = keep.repeat_interleave(3, dim=1)
+    return mask
+
+
+@torch.no_grad()
+def set_statistics(model: DCMoE, data: Frames, config: Config, generator: torch.Generator, count: int = 8192) -> None:
+    """Means and deviations of features and outputs over a sample of rows, into the model's buffers."""
+    rows = draw(data, count, len(config.styles), config.sampling, generator)
+    base = base_window(data, rows, 1)
+    x, _, frame, origin = model.features(rows.state, control(data, rows, base[0], base[1]))
+    model.mean.copy_(x.mean(dim=0))
+    deviation = x.std(dim=0)
+    model.std.copy_(torch.where(deviation < 1e-4, 1.0, deviation.clamp_min(1e-2)))
+    real = truth(data, rows, frame, origin)
+    where = model.layout.slices()
+    measured = {
+        "velocity": real.velocities,
+        "trajectory": real.trajectory,
+        "phase": real.phases,
+        "position": real.positions,
+        "rotation": real.rotations,
+    }
+    for name, block in where.items():
+        if not config.absolute and name in ("hips", "rotation"):
+            model.out_std[block] = HIPS_SCALE if name == "hips" else ROTATION_SCALE
+        elif name in measured:
+            flat = measured[name].flatten(1)
+            model.out_mean[block] = flat.mean(dim=0)
+            model.out_std[block] = flat.std(dim=0).clamp_min(1e-2)
+
+
+def _stage(config: Config, step: int) -> Stage:
+    for stage in config.stages:
+        if step < stage.steps:
+            return stage
+        step -= stage.steps
+    return config.stages[-1]
+
+
+def _rows(extra: dict, data: Frames, stage: Stage, config: Config, generator: torch.Generator) -> Rows:
+    """The roll-outs of this update: those that go on, and fresh ones in place of those that ended and some others."""
+    device = data.hips.device
+    kept: dict | None = extra.get("rows")
+    if kept is None or len(kept["start"]) != stage.rows or stage.unroll == 1:
+        return draw(data, stage.rows, len(config.styles), config.sampling, generator)
+    fields = {k: v.to(device) for k, v in kept.items() if k not in State._fields}
+    rows = Rows(**fields, state=State(*(kept[k].to(device) for k in State._fields)))
+    ended = rows.total - rows.gone <= 1
+    drawn = torch.rand(stage.rows, generator=generator, device=device)
+    wanted = max(int(ended.sum()), round(config.fresh * stage.rows))
+    where = torch.argsort(drawn - ended.float())[:wanted]
+    replace_rows(rows, draw(data, wanted, len(config.styles), config.sampling, generator), where)
+    return rows
+
+
+def _keep(extra: dict, rows: Rows) -> None:
+    kept = {k: getattr(rows, k) for k in ("start", "gone", "total", "path_known", "style")}
+    extra["rows"] = kept | rows.state._asdict()
+
+
+def _phases(path: Path, data: Database) -> Float[np.ndarray, "2 frame 10 3"]:
+    try:
+        phases = np.load(path, mmap_mode="r")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: no phases there ({error}); make them with 'interpose train pae'") from None
+    if phases.shape != (2, data.frames, 10, 3):
+        raise InputError(f"{path}: phases of shape {phases.shape}, the database needs {(2, data.frames, 10, 3)}")
+    return phases
+
+
+def _join(parts: list[Frames]) -> Frames:
+    at, out = 0, []
+    for part in parts:
+        out.append(replace(part, first=part.first + at, last=part.last + at))
+        at += len(part)
+    names = list(Frames.__dataclass_fields__)
+    return Frames(**{name: torch.cat([getattr(p, name) for p in out]) for name in names})
+

@@ -1,0 +1,107 @@
+"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (METHOD.md E).
+
+All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.sequences.Truth` of the same step,
+in the root frame of the step's start, and return scalars: means over the rows that are still inside their gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional as F
+
+from interpose.features import CONTACTS, RATE
+from interpose.models.dcmoe import Prediction
+from interpose.skeleton import HUMANOID
+from interpose.train.sequences import Truth
+
+FEET = [HUMANOID.index(name) for name in CONTACTS]
+
+
+def _mean(x: Float[Tensor, "row"], alive: Float[Tensor, "row"]) -> Float[Tensor, ""]:
+    return (x * alive).sum() / alive.sum().clamp_min(1.0)
+
+
+def _keys(x: Float[Tensor, "row key"], truth: Truth) -> Float[Tensor, ""]:
+    """Mean over the rows and keys that lie inside the gap."""
+    weight = truth.within * truth.alive[:, None]
+    return (x * weight).sum() / weight.sum().clamp_min(1.0)
+
+
+def terms(
+    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"]
+) -> dict[str, Float[Tensor, ""]]:
+    """Every term of equations 3, 4 and 5 by its name in the paper; ``here`` are the joints at the step's start."""
+
+    def joints(x: Float[Tensor, "row joint c"]) -> Float[Tensor, ""]:
+        return _mean(x.norm(dim=-1).mean(dim=-1), truth.alive)
+
+    contact = prediction.contacts.sigmoid()
+    foot_velocity = contact[:, 0, :, None] * prediction.velocities[:, FEET]
+    led = here + prediction.velocities / RATE - prediction.raw_positions
+    return {
+        "pos": joints(prediction.raw_positions - truth.positions),
+        "rot": joints(prediction.rotations - truth.rotations),
+        "vel": joints(prediction.velocities - truth.velocities),
+        "contacts": _keys((contact - truth.contacts).norm(dim=-1), truth),
+        "traj": _keys((prediction.trajectory - truth.trajectory).norm(dim=-1), truth),
+        "phase": _keys((prediction.phases - truth.phases).flatten(2).norm(dim=-1), truth),
+        "contacts'": joints(foot_velocity),
+        "pos'": _mean(led.square().sum(dim=-1).mean(dim=-1), truth.alive),
+    }
+
+
+def paper(
+    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], reconstruct: float = 1.0, consist: float = 2.5
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """Equation 6, with the weights of section 5.1."""
+    each = terms(prediction, truth, here)
+    consistency = {"contacts'", "pos'"}
+    total = sum((consist if name in consistency else reconstruct) * value for name, value in each.items())
+    return torch.as_tensor(total), each
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of :func:`unrolled` (METHOD.md E, "Stages"); the auxiliary ones are ours."""
+
+    position: float = 3.0
+    rotation: float = 1.0
+    displacement: float = 10.0
+    foot: float = 2.0
+    contact: float = 0.02
+    velocity: float = 0.05
+    trajectory: float = 0.05
+    phase: float = 0.05
+    consistency: float = 0.5
+
+
+def unrolled(
+    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], weights: Weights
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """The terms of equations 3 to 5 in the form that trains on roll-outs: L1 on what forward kinematics gives, the
+    displacement since ``here``, and the feet held still where they truly stand."""
+
+    def rows(x: Float[Tensor, "row *rest"]) -> Float[Tensor, ""]:
+        return _mean(x.abs().flatten(1).mean(dim=-1), truth.alive)
+
+    moved = prediction.positions - here
+    planted = truth.contacts[:, 0, :, None] * moved[:, FEET]
+    cross_entropy = F.binary_cross_entropy_with_logits(prediction.contacts, truth.contacts, reduction="none")
+    said = prediction.contacts[:, 0].sigmoid()[..., None] * prediction.velocities[:, FEET] / RATE
+    each = {
+        "position": rows(prediction.positions - truth.positions),
+        "rotation": rows(prediction.rotations - truth.rotations),
+        "displacement": rows(moved - truth.velocities / RATE),
+        "foot": _mean(planted.norm(dim=-1).mean(dim=-1), truth.alive),
+        "contact": _keys(cross_entropy.mean(dim=-1), truth),
+        "velocity": rows(prediction.velocities - truth.velocities),
+        "trajectory": _keys((prediction.trajectory - truth.trajectory).abs().mean(dim=-1), truth),
+        "phase": _keys((prediction.phases - truth.phases).abs().flatten(2).mean(dim=-1), truth),
+        "consistency": rows(said) + rows(here + prediction.velocities / RATE - prediction.positions),
+    }
+    total = sum(getattr(weights, name) * value for name, value in each.items())
+    return torch.as_tensor(total), each

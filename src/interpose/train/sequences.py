@@ -1,0 +1,298 @@
+"""Training sequences drawn on the fly: the whole database as tensors on the device, a batch as index arrays.
+
+A *row* is one roll-out in progress: a start and a target frame of one clip, and where between them it has got to. The
+rules of sampling are METHOD.md E's: gaps up to 3 s, half of them short; a lone start pose whose past is clamped to it
+and whose velocity is unknown, exactly as at run time; the path given in half of the draws, masked in the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import roma
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from interpose import rotation
+from interpose.data.database import Database
+from interpose.features import HISTORY, KEY_STEP, LONGEST, RATE, SIDE_KEYS
+from interpose.models.dcmoe import Control, State
+from interpose.models.geometry import joint_positions, to_matrix, to_six
+from interpose.motion import Motion, mirror
+from interpose import skeleton as kinematics
+from interpose.skeleton import HUMANOID
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Every frame of one or more databases, mirrored copies after the originals; all tensors on one device."""
+
+    hips: Float[Tensor, "frame 3"]
+    rotations: Float[Tensor, "frame 22 6"]
+    positions: Float[Tensor, "frame 22 3"]
+    facing: Float[Tensor, "frame 2"]
+    local: Float[Tensor, "frame 22 4"]
+    contacts: Float[Tensor, "frame 4"]
+    phases: Float[Tensor, "frame 10 3"]
+    style: Int[Tensor, "frame"]
+    first: Int[Tensor, "frame"]
+    last: Int[Tensor, "frame"]
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    def to(self, device: str) -> Frames:
+        """The same on another device."""
+        return Frames(**{f.name: getattr(self, f.name).to(device) for f in fields(self)})
+
+
+def load_frames(
+    database: Database,
+    phases: Float[np.ndarray, "2 frame 10 3"] | None,
+    styles: list[str],
+    ranges: list[tuple[int, int]],
+) -> Frames:
+    """Those ``ranges`` [start, stop) of frames, each inside a clip, and their mirror images.
+
+    Without ``phases`` they are zero (unknown). styles: the model's labels; label i becomes i + 1, others 0 (free).
+    """
+    labels = database.style_indices()
+    known = np.array([styles.index(s) + 1 if s in styles else 0 for s in database.styles])
+    starts = database.ranges[:, 0]
+    parts: list[dict[str, np.ndarray]] = []
+    at = 0
+    for mirrored in (False, True):
+        for start, stop in ranges:
+            turned = database.local_rotations[start:stop].astype(float)
+            turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+            clip = Motion(HUMANOID, database.root_positions[start:stop].astype(float), turned, RATE)
+            contacts = np.asarray(database.contacts[start:stop])
+            if mirrored:
+                clip, contacts = mirror(clip), contacts[:, [2, 3, 0, 1]]
+            count = stop - start
+            label = labels[np.searchsorted(starts, start, side="right") - 1]
+            world = clip.global_rotations()
+            positions = kinematics.global_positions(clip.root_positions, world, HUMANOID.parents, HUMANOID.offsets)
+            forward = rotation.rotate(rotation.twist(world[:, 0], np.array([0.0, 1.0, 0.0])), np.array([0.0, 0.0, 1.0]))
+            parts.append(
+                {
+                    "hips": clip.root_positions,
+                    "rotations": rotation.to_6d(world),
+                    "positions": positions,
+                    "facing": forward[:, ::2],
+                    "local": clip.local_rotations,
+                    "contacts": contacts,
+                    "phases": np.zeros((count, 10, 3)) if phases is None else phases[int(mirrored), start:stop],
+                    "style": np.full(count, known[label]),
+                    "first": np.full(count, at),
+                    "last": np.full(count, at + count - 1),
+                }
+            )
+            at += count
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    whole = {"style", "first", "last"}
+    return Frames(**{k: torch.tensor(v, dtype=torch.int64 if k in whole else torch.float32) for k, v in joined.items()})
+
+
+def interpolation(
+    start_hips: Float[Tensor, "batch 3"],
+    start_local: Float[Tensor, "batch 22 4"],
+    target_hips: Float[Tensor, "batch 3"],
+    target_local: Float[Tensor, "batch 22 4"],
+    parts: Float[Tensor, "batch time"],
+) -> Float[Tensor, "batch time pose"]:
+    """The interpolation base A: hips linear, local rotations SLERPed, as (hips, global 6-D); ``parts`` runs from 0 to 1."""
+    weight = parts[:, :, None]
+    hips = start_hips[:, None] * (1.0 - weight) + target_hips[:, None] * weight
+    turn = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_inverse(start_local), target_local), shortest_arc=True)
+    step = roma.rotvec_to_unitquat(turn[:, None] * weight[..., None])
+    local = roma.unitquat_to_rotmat(roma.quat_product(start_local[:, None].expand_as(step), step))
+    world = [local[:, :, 0]]
+    for joint, parent in enumerate(HUMANOID.parents[1:], start=1):
+        world.append(world[parent] @ local[:, :, joint])
+    matrices = torch.stack(world, dim=2)
+    six = torch.cat([matrices[..., 0], matrices[..., 1]], dim=-1)
+    return torch.cat([hips, six.flatten(2)], dim=-1)
+
+
+@dataclass
+class Rows:
+    """Roll-outs in progress. Fields are rewritten row by row as gaps end.
+
+    start, gone, total: first frame, frames gone and frames from start to target. path_known, style: what the row was told.
+    """
+
+    start: Int[Tensor, "row"]
+    gone: Int[Tensor, "row"]
+    total: Int[Tensor, "row"]
+    path_known: Float[Tensor, "row 1"]
+    style: Float[Tensor, "row style"]
+    state: State
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How rows are drawn. Probabilities unless said otherwise; noise as METHOD.md E gives it."""
+
+    lone_start: float = 0.5
+    """at the gap's first frame, its past unknown: a user's two poses"""
+    context_start: float = 0.15
+    """at the gap's first frame with the frames before it known"""
+    path: float = 0.5
+    style_dropout: float = 0.3
+    phase_known_at_start: float = 0.4
+    phase_known_inside: float = 0.7
+    rotation_noise: float = 0.03
+    hips_noise: float = 0.015
+    """metres"""
+    longest: int = LONGEST
+    """frames from start to target at most"""
+
+
+def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch.Generator) -> Rows:
+    """``count`` fresh rows. Device and random numbers follow ``data`` and ``generator``."""
+    device = data.hips.device
+
+    def uniform(*shape: int) -> Tensor:
+        return torch.rand(*shape, generator=generator, device=device)
+
+    short = uniform(count) < 0.5
+    reach = torch.where(short, (rule.longest + 1) // 2, rule.longest)
+    total = (2 + uniform(count) * (reach - 1)).long()
+    start = (uniform(count) * len(data)).long()
+    start = torch.maximum(torch.minimum(start, data.last[start] - total), data.first[start])
+    total = torch.minimum(total, data.last[start] - start).clamp_min(1)
+    kind = uniform(count)
+    inside = kind >= rule.lone_start + rule.context_start
+    lone = kind < rule.lone_start
+    gone = torch.where(inside, (uniform(count) * (total - 1)).long(), 0)
+    now = start + gone
+    lowest = torch.where(lone, now, torch.where(inside, torch.where(uniform(count) < 0.5, start, start - 10), start - 10))
+    lowest = torch.minimum(torch.maximum(lowest, data.first[start]), now)
+    known_phase = uniform(count) < torch.where(inside, rule.phase_known_inside, rule.phase_known_at_start)
+    noisy = inside.float() * uniform(count)
+    style = torch.zeros(count, styles + 1, device=device)
+    label = torch.where(uniform(count) < rule.style_dropout, 0, data.style[start])
+    style[torch.arange(count, device=device), label] = 1.0
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator, device=device) * noisy.view(-1, *[1] * (len(shape) - 1))
+
+    hips = data.hips[now] + normal(count, 3) * rule.hips_noise
+    matrices = to_matrix(data.rotations[now] + normal(count, 22, 6) * rule.rotation_noise)
+    state = fresh_state(data, now, lowest, hips, matrices, known_phase)
+    path_known = (uniform(count, 1) < rule.path).float()
+    return Rows(start, gone, total, path_known, style, state)
+
+
+def fresh_state(data: Frames, now: Tensor, lowest: Tensor, hips: Tensor, matrices: Tensor, known_phase: Tensor) -> State:
+    """The state at frame ``now`` of which frames from ``lowest`` on are known; earlier ones repeat it at rest."""
+    device = data.hips.device
+    back = torch.arange(HISTORY, -1, -1, device=device)
+    index = torch.maximum(now[:, None] - back, lowest[:, None])
+    track = torch.cat([data.hips[index][..., ::2], data.facing[index]], dim=-1)
+    before = torch.maximum(now - 1, lowest)
+    known = (before < now).float()[:, None]
+    positions = joint_positions(hips, matrices)
+    velocity = positions - data.positions[before]
+    past = now[:, None] - back[1:]
+    real = (past >= lowest[:, None]) & known_phase[:, None]
+    phase_past = data.phases[torch.maximum(past, lowest[:, None])][..., :2] * real[..., None, None]
+    ahead = now[:, None] + KEY_STEP * torch.arange(1, SIDE_KEYS + 1, device=device)
+    ahead = torch.minimum(ahead, data.last[now][:, None])
+    phase_future = data.phases[ahead][..., :2] * known_phase[:, None, None, None]
+    velocities = velocity * RATE * known[..., None]
+    return State(hips, to_six(matrices), positions, velocities, known, track, phase_past, phase_future)
+
+
+def replace_rows(rows: Rows, fresh: Rows, where: Int[Tensor, "index"]) -> None:
+    """Puts ``fresh`` into ``rows`` at the indices ``where``."""
+    for field in ("start", "gone", "total", "path_known", "style"):
+        getattr(rows, field)[where] = getattr(fresh, field)
+    rows.state = State(*(old.index_copy(0, where, new) for old, new in zip(rows.state, fresh.state, strict=True)))
+
+
+def base_window(data: Frames, rows: Rows, length: int) -> Float[Tensor, "time row pose"]:
+    """The interpolation base of each row at its present frame and the ``length`` next, clamped at the target."""
+    steps = rows.gone[:, None] + torch.arange(length + 1, device=rows.gone.device)
+    parts = (steps / rows.total[:, None]).clamp(max=1.0)
+    start, target = rows.start, rows.start + rows.total
+    poses = interpolation(data.hips[start], data.local[start], data.hips[target], data.local[target], parts)
+    return poses.transpose(0, 1).contiguous()
+
+
+def control(
+    data: Frames, rows: Rows, base: Float[Tensor, "row pose"], base_next: Float[Tensor, "row pose"]
+) -> Control:
+    """What steers the next step of each row; the path is the true root's (clamped at the target), with its flag."""
+    target = rows.start + rows.total
+    gone = torch.minimum(rows.gone, rows.total - 1)
+    now = rows.start + gone
+    ahead = now[:, None] + KEY_STEP * torch.arange(1, SIDE_KEYS + 1, device=now.device)
+    return Control(
+        target_hips=data.hips[target],
+        target_rotations=data.rotations[target],
+        target_positions=data.positions[target],
+        base=base,
+        base_next=base_next,
+        frames_left=(rows.total - gone).float()[:, None],
+        style=rows.style,
+        path=root_keys(data, torch.minimum(ahead, target[:, None])),
+        path_known=rows.path_known,
+    )
+
+
+def root_keys(data: Frames, index: Int[Tensor, "row key"]) -> Float[Tensor, "row key 6"]:
+    """Root position, facing and velocity on the ground at those frames, world."""
+    here = data.hips[index][..., ::2]
+    before = data.hips[torch.maximum(index - 1, data.first[index])][..., ::2]
+    return torch.cat([here, data.facing[index], (here - before) * RATE], dim=-1)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The frame that a step should give, in the root frame of the step's start; keys are those of the 1 s ahead.
+
+    alive: (row,) 1 where the step lies inside the gap. within: (row, key) 1 where the key is not beyond the target.
+    """
+
+    positions: Float[Tensor, "row joint 3"]
+    rotations: Float[Tensor, "row joint 6"]
+    velocities: Float[Tensor, "row joint 3"]
+    contacts: Float[Tensor, "row key foot"]
+    trajectory: Float[Tensor, "row key 6"]
+    phases: Float[Tensor, "row key channel 3"]
+    alive: Float[Tensor, "row"]
+    within: Float[Tensor, "row key"]
+
+
+def truth(data: Frames, rows: Rows, frame: Float[Tensor, "row 3 3"], origin: Float[Tensor, "row 3"]) -> Truth:
+    """What really came next, for rows about to step from ``gone`` to ``gone + 1``."""
+    target = rows.start + rows.total
+    now = torch.minimum(rows.start + rows.gone + 1, target)
+    here = data.positions[now]
+    velocity = (here - data.positions[now - 1]) * RATE
+    keys = now[:, None] + KEY_STEP * torch.arange(SIDE_KEYS + 1, device=now.device)
+    index = torch.minimum(keys, data.last[now][:, None])
+    trajectory = root_keys(data, index)
+    trajectory[..., :2] -= origin[:, None, ::2]
+    ground = frame[:, ::2, ::2]
+    trajectory = (trajectory.reshape(len(now), -1, 2) @ ground).reshape(trajectory.shape)
+    return Truth(
+        positions=(here - origin[:, None]) @ frame,
+        rotations=(data.rotations[now].reshape(len(now), -1, 3) @ frame).reshape(len(now), 22, 6),
+        velocities=velocity @ frame,
+        contacts=data.contacts[index],
+        trajectory=trajectory,
+        phases=data.phases[index],
+        alive=(rows.total - rows.gone > 1).float(),
+        within=(keys <= target[:, None]).float(),
+    )
+
+
+def clip_motion(data: Frames, first: int, count: int) -> Motion:
+    """Frames ``first`` to ``first + count`` as a motion, for looking at."""
+    span = slice(first, first + count)
+    return Motion(HUMANOID, data.hips[span].double().numpy(), data.local[span].double().numpy(), RATE)
