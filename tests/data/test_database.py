@@ -25,7 +25,7 @@ def made(frames: int, seed: int) -> ClipArrays:
 
 
 def info(name: str, style: str = "walk") -> ClipInfo:
-    return ClipInfo(name, f"{name}.bvh", style, "", "subject1", 60.0, 100, (10, 90))
+    return ClipInfo(name, f"{name}.bvh", style, "", "subject1", 60.0, 100, (10, 90), 0.0)
 
 
 CLIPS = [(info("b", "walk"), 4), (info("a", "Angry"), 7), (info("c", "walk"), 1)]

@@ -23,7 +23,7 @@ JOINTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
 
 INDICES = tuple(HUMANOID.index(name) for name in JOINTS)
 
-REST_HEIGHTS = np.array([0.09, 0.02, 0.09, 0.02])
+REST_HEIGHTS = np.array([0.075, 0.015, 0.075, 0.015])
 """Height of each joint above the floor when the foot is flat on it, metres."""
 
 BENCHMARK_SPEED = float(np.sqrt(0.02) / 100.0 * 30.0)

@@ -49,6 +49,7 @@ class ClipInfo:
     name: unique in the database. file: where it was read from, relative to its source. style: the label, for training.
     content: what is done in that style ('' where the source does not say). subject: the performer ('' where unknown).
     source_rate, source_frames: of the file. cut: the frames [start, stop) of the file that were kept.
+    raised: metres added to all heights to bring the floor to y = 0.
     """
 
     name: str
@@ -59,6 +60,7 @@ class ClipInfo:
     source_rate: float
     source_frames: int
     cut: tuple[int, int]
+    raised: float
 
 
 @dataclass(frozen=True, eq=False)

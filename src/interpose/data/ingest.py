@@ -1,0 +1,280 @@
+"""`interpose prepare`: the files of a data set become a database of the 22 joints at 30 Hz.
+
+Each clip is read, cut to its range, brought to 30 Hz, retargeted, put on the floor, and given its roots and
+contacts. Clips are prepared in parallel, one part file each in `OUT/.parts`; a part is named by a hash of
+everything that it was made from, so that a run which was stopped goes on where it was, and a changed file is
+prepared again. When all parts are there they are joined into the database and removed. A file that cannot be used
+is skipped and reported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import tempfile
+import time
+import zipfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from interpose import motion as motions
+from interpose import retarget, rotation
+from interpose.data import contacts, database, root, sources
+from interpose.data.database import RATE, ClipArrays, ClipInfo, Database
+from interpose.data.sources import CUT_RATE, SourceClip
+from interpose.errors import InputError
+from interpose.io import bvh
+from interpose.io.files import write_whole
+from interpose.motion import Motion
+
+MIN_FRAMES = 2
+FLOOR_TOLERANCE = 0.03
+"""Metres by which the floor of a clip may be off before it is corrected; planted feet of sound data vary by 2 cm."""
+
+PARTS = ".parts"
+REPORT = "report.md"
+RECIPE = 1
+"""Part of every hash: to be raised when the same file would give other frames."""
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What a run made: ``read`` clips were prepared in it, the others had been before; it took ``seconds``."""
+
+    database: Database
+    read: int
+    seconds: float
+
+    def markdown(self) -> str:
+        """Clips, frames and minutes of each style, and every file skipped, with its reason."""
+        db = self.database
+        lengths = db.ranges[:, 1] - db.ranges[:, 0]
+        rows = [(style, lengths[[clip.style == style for clip in db.clips]]) for style in db.styles]
+        lines = [
+            f"# {db.dataset}: {len(db)} clips, {db.frames} frames, {_minutes(db.frames)} minutes at {RATE:g} Hz",
+            "",
+            f"Licence of the data: {db.licence}. {self.read} clips read in {self.seconds:.0f} s"
+            f" ({lengths.sum() / max(self.seconds, 1e-3):.0f} frames a second), {len(db) - self.read} taken from an"
+            f" earlier run, {len(db.skipped)} files skipped.",
+            "",
+            "| style | clips | frames | minutes |",
+            "|---|---:|---:|---:|",
+            *(f"| {style} | {len(of)} | {of.sum()} | {_minutes(int(of.sum()))} |" for style, of in rows),
+        ]
+        moved = [clip for clip in db.clips if clip.raised]
+        if moved:
+            lines += ["", "| moved to the floor | by, cm |", "|---|---:|"]
+            lines += [f"| {clip.name} | {100.0 * clip.raised:+.1f} |" for clip in moved]
+        if db.skipped:
+            lines += ["", "| skipped | reason |", "|---|---|", *(f"| {file} | {why} |" for file, why in db.skipped)]
+        return "\n".join(lines) + "\n"
+
+
+def prepare(
+    kind: str,
+    from_sources: Sequence[Path | str],
+    out: Path | str,
+    *,
+    split: str = "all",
+    workers: int | None = None,
+    progress: bool = True,
+) -> Report:
+    """Make the database ``out`` from the folders, zip archives or files of one data set.
+
+    kind, split: see `interpose.data.sources.find`. workers: processes, as many as there are processors where None.
+    progress: show it on standard error. A database that is up to date is left as it is. Raises InputError where a
+    source cannot be read, nothing in it can be used, or ``out`` cannot be written.
+    """
+    begun = time.monotonic()
+    out = Path(out)
+    found = sources.find(kind, from_sources, split)
+    keys = [clip.key() for clip in found.clips]
+    fingerprint = hashlib.sha256(repr((RECIPE, database.VERSION, keys, found.skipped)).encode()).hexdigest()
+    try:
+        present = database.load(out)
+    except InputError:
+        present = None
+    if present is not None and present.fingerprint == fingerprint:
+        return Report(present, 0, time.monotonic() - begun)
+
+    parts = [out / PARTS / f"{RECIPE}-{key}.npz" for key in keys]
+    try:
+        (out / PARTS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"the database {out} cannot be written: {error.strerror or error}") from None
+    jobs = [(clip, part) for clip, part in zip(found.clips, parts, strict=True) if not _is_whole(part)]
+    failed = _make_parts(jobs, workers, progress)
+    skipped = sorted([*found.skipped, *((clip.source.name, reason) for clip, reason in failed.items())])
+    kept = [part for clip, part in zip(found.clips, parts, strict=True) if clip not in failed]
+    if not kept:
+        name, reason = skipped[0]
+        raise InputError(f"none of the {len(skipped)} files could be used; the first, {name}: {reason}")
+    made = database.write(
+        out,
+        [_info(part) for part in kept],
+        _arrays(kept),
+        dataset=kind,
+        licence=sources.KINDS[kind].licence,
+        fingerprint=fingerprint,
+        skipped=skipped,
+    )
+    shutil.rmtree(out / PARTS)
+    report = Report(made, len(jobs) - len(failed), time.monotonic() - begun)
+    write_whole(out / REPORT, report.markdown().encode())
+    return report
+
+
+def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
+    """One clip, read from its file, as it lies in the database; raises InputError where it cannot be used."""
+    mapping = retarget.plan(motion)
+    start, stop = 0, len(motion)
+    if clip.cut is not None:
+        start, stop = (min(round(frame * motion.rate / CUT_RATE), len(motion)) for frame in clip.cut)
+    kept = at_rate(motion[start:stop])
+    if len(kept) < MIN_FRAMES:
+        raise InputError(
+            f"{len(kept)} frames are left after the cut and at {RATE:g} Hz, at least {MIN_FRAMES} are needed"
+        )
+    humanoid = retarget.to_humanoid(kept, mapping)
+    positions = humanoid.global_positions()
+    height = floor_height(positions, RATE)
+    raised = -height if abs(height) > FLOOR_TOLERANCE else 0.0
+    place, positions = humanoid.root_positions + raised * root.UP, positions + raised * root.UP
+    arrays = ClipArrays(
+        place.astype(np.float32),
+        rotation.continuous(humanoid.local_rotations).astype(np.float32),
+        root.trajectory(positions, RATE).astype(np.float32),
+        contacts.detect(positions, RATE).astype(np.uint8),
+    )
+    info = ClipInfo(
+        clip.name,
+        clip.source.name,
+        clip.style,
+        clip.content,
+        clip.subject,
+        float(motion.rate),
+        len(motion),
+        (start, stop),
+        raised,
+    )
+    return info, arrays
+
+
+def at_rate(motion: Motion) -> Motion:
+    """The motion at 30 Hz: every n-th frame where its rate is a multiple (59.9988 counts as 60), else interpolated."""
+    every = round(motion.rate / RATE)
+    if every >= 1 and abs(motion.rate / (every * RATE) - 1.0) < 1e-3:
+        return replace(motion[::every], rate=RATE)
+    return motions.resample(motion, RATE)
+
+
+def floor_height(positions: Float[ndarray, "frame 22 3"], rate: float) -> float:
+    """How far above y = 0 the floor is that the feet stand on, metres; 0 where they never rest.
+
+    Ankles and toes are judged apart, by the 5th percentile of their heights while they are still; the one that is
+    nearer to its resting height is believed, as a foot may lie on its side, or rest on its toes, through a clip.
+    """
+    feet = positions[:, contacts.INDICES]
+    still = np.linalg.norm(motions.velocities(feet, rate), axis=-1) < contacts.SPEED
+    above = feet[..., 1] - contacts.REST_HEIGHTS
+    heights = [np.percentile(above[:, part][still[:, part]], 5) for part in ([0, 2], [1, 3]) if still[:, part].any()]
+    return float(min(heights, key=abs, default=0.0))
+
+
+def _make_parts(jobs: Sequence[tuple[SourceClip, Path]], workers: int | None, progress: bool) -> dict[SourceClip, str]:
+    """Prepares every job, the largest files first; the clips that cannot be used, with the reasons."""
+    jobs = sorted(jobs, key=lambda job: -job[0].source.size)
+    workers = min(workers or os.cpu_count() or 1, max(len(jobs), 1))
+    failed: dict[SourceClip, str] = {}
+    total = sum(clip.source.size for clip, _ in jobs)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[done]}/{task.fields[clips]} clips"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), disable=not progress or not jobs) as bar:
+        task = bar.add_task("preparing", total=total, done=0, clips=len(jobs))
+        for done, (clip, reason) in enumerate(_results(jobs, workers), start=1):
+            if reason is not None:
+                failed[clip] = reason
+                bar.console.print(f"skipped {clip.source.name}: {reason}", markup=False, highlight=False)
+            bar.update(task, advance=clip.source.size, done=done)
+    return failed
+
+
+def _results(jobs: Sequence[tuple[SourceClip, Path]], workers: int) -> Iterator[tuple[SourceClip, str | None]]:
+    if workers == 1:
+        for clip, part in jobs:
+            yield clip, _make_part(clip, part)
+        return
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        waiting = {pool.submit(_make_part, clip, part): clip for clip, part in jobs}
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that prepared clips was killed, perhaps for want of memory; run again with fewer workers, "
+            "what is done is kept"
+        ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _make_part(clip: SourceClip, part: Path) -> str | None:
+    """Prepares one clip into its part file; the reason where the clip cannot be used. Failing to write is an error."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            file = clip.source.origin
+            if clip.source.member:
+                file = Path(folder) / PurePosixPath(clip.source.member).name
+                file.write_bytes(clip.source.read_bytes())
+            try:
+                info, arrays = convert(bvh.read(file), clip)
+            except InputError as error:
+                return str(error).replace(str(file), clip.source.name)
+        content = io.BytesIO()
+        np.savez(content, info=np.array(json.dumps(asdict(info))), **vars(arrays))
+    except InputError as error:
+        return str(error)
+    write_whole(part, content.getvalue())
+    return None
+
+
+def _is_whole(part: Path) -> bool:
+    try:
+        return _info(part)[1] > 0
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return False
+
+
+def _info(part: Path) -> tuple[ClipInfo, int]:
+    with open(part, "rb") as file, np.load(file) as content:
+        values = json.loads(str(content["info"]))
+        return ClipInfo(**{**values, "cut": tuple(values["cut"])}), len(content["root_positions"])
+
+
+def _arrays(parts: Sequence[Path]) -> Iterator[ClipArrays]:
+    for part in parts:
+        with np.load(part) as content:
+            yield ClipArrays(**{name: content[name] for name in content.files if name != "info"})
+
+
+def _minutes(frames: int) -> str:
+    return f"{frames / RATE / 60.0:.1f}"
