@@ -176,6 +176,15 @@ def foot_slide(toes: np.ndarray, rate: float) -> float:
     return float((travelled * weight).sum() / max(1, np.count_nonzero(weight)))
 
 
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A transition for each start, and the two ends as they come out of the same computation."""
+
+    first: Motion
+    inner: list[Motion]
+    last: Motion
+
+
 def _transitions(
     starts: list[Motion],
     target: Motion,
@@ -188,74 +197,72 @@ def _transitions(
     began = time.perf_counter()
     fallback = None if request.method == "interp" else _why_not(starts[0], frames, request, mapping)
     if request.method == "interp" or fallback is not None:
-        made = [concatenate(*_ends(s, target, interpolate(s, target, frames))) for s in starts]
+        first, last = aligned(starts[0][-1], target[0])
+        made = _Made(first, [interpolate(first, last, frames)] * len(starts), last)
     else:
-        assert request.session is not None
-        assert not isinstance(mapping, str)
-        made = _generate(starts, target, frames, request, request.session, mapping)
+        made = _generate(starts, target, frames, request, mapping)
     seconds = time.perf_counter() - began
-    found = []
-    for start, whole in zip(starts, made, strict=True):
-        position, angle = _arrival(whole, aligned(start, target)[1])
-        slide = None
-        if not isinstance(mapping, str):
-            stitched = concatenate(*_ends(start, target, whole[1:-1]))
-            slide = foot_slide(retarget.to_humanoid(stitched, mapping).global_positions()[:, TOES], start.rate)
-        info = Info(
-            start=names[0],
-            target=names[1],
-            frames=frames,
-            method="interp" if fallback is not None else request.method,
-            style=None if fallback is not None else request.style,
-            path=request.path,
-            seed=request.seed,
-            arrival_position_error_m=position,
-            arrival_rotation_error_deg=angle,
-            foot_slide_cm_per_frame=slide,
-            seconds=seconds,
-            fallback=fallback,
-        )
-        found.append((Candidate(whole[1:-1], info), (slide or 0.0) + _roughness(start, whole)))
-    return found
+    position, angle = _apart(made.last, aligned(starts[0], target)[1][0])
+    slides, costs = _judge(starts, made.inner, target, mapping)
+    shared = Info(
+        start=names[0],
+        target=names[1],
+        frames=frames,
+        method="interp" if fallback is not None else request.method,
+        style=None if fallback is not None else request.style,
+        path=request.path,
+        seed=request.seed,
+        arrival_position_error_m=round(position, 9),
+        arrival_rotation_error_deg=round(angle, 6),
+        foot_slide_cm_per_frame=None,
+        seconds=round(seconds, 6),
+        fallback=fallback,
+    )
+    return [
+        (Candidate(inner, replace(shared, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))), cost)
+        for inner, slide, cost in zip(made.inner, slides, costs, strict=True)
+    ]
 
 
 def _generate(
-    starts: list[Motion],
-    target: Motion,
-    frames: int,
-    request: Request,
-    session: Any,
-    mapping: retarget.Mapping,
-) -> list[Motion]:
-    """The model's transitions on the user's rig, each with its two ends: frames + 2 frames."""
+    starts: list[Motion], target: Motion, frames: int, request: Request, mapping: retarget.Mapping | str
+) -> _Made:
+    """The model's transitions on the user's rig."""
     from interpose.runtime import rollout
 
-    steps = model_steps(frames, starts[0].rate)
-    target22 = retarget.to_humanoid(target[0], mapping)
-    contexts = [recent(retarget.to_humanoid(s, mapping), CONTEXT) for s in starts]
-    count = len(contexts)
+    assert request.session is not None
+    assert not isinstance(mapping, str)
+    count, rate = len(starts), starts[0].rate
+    first, last = aligned(starts[0][-1], target[0])
+    target22 = retarget.to_humanoid(last, mapping)
+    context = retarget.to_humanoid(concatenate(*(recent(s, CONTEXT) for s in starts)), mapping)
+    known_root = context.root_positions.reshape(count, -1, 3)
+    known_local = context.local_rotations.reshape(count, -1, len(HUMANOID), 4)
     roots, locals_, _ = rollout.generate_batch(
-        session,
-        np.stack([c.root_positions for c in contexts]),
-        np.stack([c.local_rotations for c in contexts]),
+        request.session,
+        known_root,
+        known_local,
         np.repeat(target22.root_positions, count, axis=0),
         np.repeat(target22.local_rotations, count, axis=0),
-        steps - 1,
+        model_steps(frames, rate) - 1,
         style=None if request.style is None else [request.style] * count,
         seed=request.seed,
     )
-    made = []
-    for i, (start, context) in enumerate(zip(starts, contexts, strict=True)):
-        root = np.concatenate([context.root_positions, roots[i], target22.root_positions])
-        local = np.concatenate([context.local_rotations, locals_[i], target22.local_rotations])
-        root, local = to_user_rate(root, local, len(context) - 1, frames, start.rate)
-        motion22 = Motion(HUMANOID, root, rotation.continuous(local), start.rate)
-        first, last = aligned(start[-1], target[0])
-        inner = retarget.from_humanoid(motion22[1:-1], mapping, first)
-        inner = retarget.carry_details(inner, first, last, mapping)
-        ends = [retarget.from_humanoid(motion22[i], mapping, key) for i, key in ((0, first), (-1, last))]
-        made.append(concatenate(ends[0], inner, ends[1]))
-    return made
+    on_grid = []
+    for i in range(count):
+        root = np.concatenate([known_root[i], roots[i], target22.root_positions])
+        local = np.concatenate([known_local[i], locals_[i], target22.local_rotations])
+        on_grid.append(to_user_rate(root, local, len(known_root[i]) - 1, frames, rate))
+    # Every transition with its ends goes back to the rig in one call: that is much faster than one at a time.
+    whole = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
+    on_rig = retarget.from_humanoid(whole, mapping, first)
+    size = frames + 2
+    inner = [on_rig[i * size + 1 : (i + 1) * size - 1] for i in range(count)]
+    return _Made(
+        retarget.from_humanoid(whole[0], mapping, first),
+        [retarget.carry_details(motion, first, last, mapping) for motion in inner],
+        retarget.from_humanoid(whole[-1], mapping, last),
+    )
 
 
 def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:
@@ -282,23 +289,30 @@ def _copy(clip: Motion) -> Motion:
     )
 
 
-def _ends(start: Motion, target: Motion, between: Motion) -> tuple[Motion, Motion, Motion]:
-    first, last = aligned(start[-1], target[0])
-    return first, aligned(first, between)[1], last
+def _apart(one: Motion, other: Motion) -> tuple[float, float]:
+    """The largest distance of a joint between two poses, metres, and the largest angle between rotations, degrees."""
+    distance = np.linalg.norm(one.global_positions() - other.global_positions(), axis=-1)
+    turn = rotation.multiply(rotation.inverse(one.global_rotations()), other.global_rotations())
+    return float(distance.max()), float(np.degrees(rotation.angle(turn).max()))
 
 
-def _arrival(whole: Motion, target: Motion) -> tuple[float, float]:
-    last = whole[-1]
-    apart = np.linalg.norm(last.global_positions() - target[0].global_positions(), axis=-1).max()
-    turned = rotation.angle(
-        rotation.multiply(rotation.inverse(last.global_rotations()), target[0].global_rotations())
-    ).max()
-    return float(apart), float(np.degrees(turned))
+def _judge(
+    starts: list[Motion], inner: list[Motion], target: Motion, mapping: retarget.Mapping | str
+) -> tuple[list[float | None], list[float]]:
+    """Foot slide and cost of each transition; without a mapping nothing is known of either.
 
-
-def _roughness(start: Motion, whole: Motion) -> float:
-    """How much the joints' mean step changes at the gap's two ends, centimetres a 30 Hz frame."""
-    before = start[-2:-1] if len(start) > 1 else start[:0]
-    positions = 100.0 * concatenate(aligned(whole, before)[1], whole).global_positions() * whole.rate / MODEL_RATE
-    bend = np.linalg.norm(np.diff(positions, n=2, axis=0), axis=-1).mean(axis=-1)
-    return float((bend[:1].sum() + bend[-1:].sum()) / 2.0)
+    The cost is the foot slide and how much the joints' mean step changes at the two ends, in centimetres a 30 Hz frame.
+    """
+    if isinstance(mapping, str):
+        return [None] * len(inner), [0.0] * len(inner)
+    rate = starts[0].rate
+    parts = []
+    for start, made in zip(starts, inner, strict=True):
+        keys = aligned(start[-2:], target[0])
+        parts += [keys[0], aligned(keys[0], made)[1], keys[1]]
+    positions = retarget.to_humanoid(concatenate(*parts), mapping).global_positions()
+    positions = positions.reshape(len(inner), -1, len(HUMANOID), 3)
+    key = min(len(starts[0]), 2) - 1
+    slides = [foot_slide(p[key:, TOES], rate) for p in positions]
+    bends = np.linalg.norm(np.diff(positions, n=2, axis=1), axis=-1).mean(axis=-1) * 100.0 * rate / MODEL_RATE
+    return list(slides), [slide + float(bend[0] + bend[-1]) / 2.0 for slide, bend in zip(slides, bends, strict=True)]
