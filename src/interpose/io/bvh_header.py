@@ -17,7 +17,7 @@ LARGEST = 1e9
 _TOKEN = re.compile(rb"[{}]|(?i:(?:ROOT|JOINT)\b[^\r\n{}]*|End[ \t]*Site\b[^\r\n{}]*)|[^\s{}]+")
 _FRAMES = re.compile(rb"(?i)\s*Frames\b[ \t]*:?[ \t]*([^\s:]+)")
 _FRAME_TIME = re.compile(rb"(?i)\s*Frame[ \t]*Time\b[ \t]*:?[ \t]*([^\s:]+)")
-_NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(rb"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _CHANNEL_NAMES = {name.lower().encode(): name for name in CHANNELS}
 
 
@@ -149,7 +149,7 @@ def _parse_hierarchy(source: Source, start: int) -> tuple[Hierarchy, int, str]:
                 if names[-1] in names[:-1]:
                     source.fail(position, f"channel {names[-1]} is given twice")
             out.channels[opened[-1]] = tuple(names)
-        elif word.startswith(b"END"):
+        elif word in (b"END", b"ENDSITE"):
             if take("'{'") != b"{":
                 source.fail(position, "'{' must follow 'End Site'")
             if take("OFFSET").upper() != b"OFFSET":
@@ -179,9 +179,11 @@ def _check_joint(
     if word == b"ROOT" and index:
         source.fail(position, f"a second ROOT {shown(name)}, a file must hold one skeleton")
     if word == b"JOINT" and not opened:
-        source.fail(position, f"JOINT {shown(name)} lies in no joint, " + ("a '}' too many" if index else "ROOT missing"))
+        source.fail(position, f"JOINT {shown(name)} lies in no joint, {'a } too many' if index else 'ROOT missing'}")
     if not name:
         source.fail(position, f"{word.decode()} without a name")
+    if any(byte < 32 and byte != 9 for byte in name):
+        source.fail(position, f"the joint name {shown(name)} holds control characters")
     if name in index:
         source.fail(position, f"a second joint named {shown(name)}, rename one of them")
     if len(index) == MAX_JOINTS:

@@ -16,7 +16,9 @@ CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zr
 
 @dataclass(frozen=True, eq=False)
 class BvhLayout:
-    """What a BVH file says besides its poses. A motion keeps it when it is cut; rows are named by their frame in the file.
+    """What a BVH file says besides its poses.
+
+    A motion keeps all of it when it is cut; rows are named by their frame in the file.
 
     skeleton: as in the Motion. offsets: (joint, 3), the OFFSET of every joint, the root's too, metres.
     channels: for each joint its channels in file order, e.g. ``("Xposition", "Zrotation")``.
@@ -80,7 +82,7 @@ def default_layout(skeleton: Skeleton, joint_positions: bool = False) -> BvhLayo
     offsets = np.concatenate([np.zeros((1, 3)), skeleton.offsets[1:]])
     leaves = tuple(j for j in range(len(skeleton)) if j not in skeleton.parents)
     end_offsets = 0.5 * offsets[list(leaves)]
-    layout = BvhLayout(skeleton, offsets, channels, leaves, end_offsets, 0.01, head=("", "\nFrame Time: "), frame_time="")
+    layout = BvhLayout(skeleton, offsets, channels, leaves, end_offsets, 0.01, ("", "\nFrame Time: "), "")
     return replace(layout, head=(_hierarchy(layout), layout.head[1]))
 
 
@@ -103,7 +105,8 @@ def _hierarchy(layout: BvhLayout) -> str:
         while opened and opened[-1] != parent:
             close()
         tab, channels = "\t" * len(opened), layout.channels[joint]
-        lines.extend([f"{tab}{'JOINT' if opened else 'ROOT'} {name}", f"{tab}{{", f"{tab}\t{offset(layout.offsets[joint])}"])
+        lines.extend([f"{tab}{'JOINT' if opened else 'ROOT'} {name}", f"{tab}{{"])
+        lines.append(f"{tab}\t{offset(layout.offsets[joint])}")
         lines.append(f"{tab}\tCHANNELS {len(channels)} {' '.join(channels)}")
         opened.append(joint)
     while opened:

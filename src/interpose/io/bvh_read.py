@@ -4,18 +4,15 @@ The format as it is found in the wild: any order of one to six channels a joint,
 blanks and line ends, rows wrapped over lines, keywords in any case, names with spaces. No count that the file declares
 is believed before the numbers are there.
 
-The unit is not in the file. The longest way through the joints (hand to foot, or hand to hand with fingers) is about
-2.3 m in an adult, so a length of 0.8 to 6 units means metres; otherwise a skeleton with at least five chains is
-taken to be a humanoid, in the unit of millimetres, centimetres, inches or CMU's (an inch / 0.45) that brings it nearest to
-2.3 m; anything else is in centimetres.
+The unit is not in the file. The longest way through the bones (from a hand to a foot, say) is about 2.3 m in an adult, so
+0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is taken to be a humanoid, in the one of
+millimetres, centimetres, inches and CMU's unit (an inch / 0.45) that brings it nearest to 2.3 m, and any other skeleton
+to be in centimetres.
 """
 
 from __future__ import annotations
 
-import io
 import os
-import re
-from typing import NoReturn
 
 import numpy as np
 from jaxtyping import Float
@@ -23,35 +20,35 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.io.bvh_channels import decode
-from interpose.io.bvh_header import LARGEST, Header, Source, parse_header, parse_number
+from interpose.io.bvh_header import Header, Source, parse_header
 from interpose.io.bvh_layout import BvhLayout
+from interpose.io.bvh_rows import parse_rows
 from interpose.io.files import read_whole
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
 _COMMON_RATES = (30, 60, 120, 24, 25, 50, 48, 90, 100, 15, 10, 12, 20, 72, 75, 144, 200, 240, 250, 300, 480, 500, 1000)
 _NTSC_RATES = tuple(rate * 1000 / 1001 for rate in (30, 60, 24, 120))
-_FIRST_ROW = re.compile(rb"([^\s][^\r\n]*?)([ \t]*)(?:[\r\n]|$)")
-_NUMBER_BYTES = b"0123456789+-.eE \t\r\n\v\f"
 _UNITS = (0.001, 0.01, 0.0254, 0.0254 / 0.45)
+_ADULT_REACH = 2.3
 
 
 def read(path: str | os.PathLike[str], metres_per_unit: float | None = None) -> Motion:
     """The motion in a BVH file, in metres, with its :class:`BvhLayout`.
 
-    ``metres_per_unit`` overrides the unit found from the skeleton's size. The root's offset is zero in the skeleton; where
-    it is not replaced by position channels it is in ``root_positions``. Raises InputError, with the line where there is
-    one, for a file that does not hold a whole motion.
+    ``metres_per_unit`` overrides the unit found from the skeleton's size. The root's offset is zero in the skeleton;
+    where no position channel replaces it, it is in ``root_positions``. Raises InputError, with the line where there
+    is one, for a file that does not hold a whole motion.
     """
     data = read_whole(path)
-    if not data.strip():
+    if not data or data.isspace():
         raise InputError(f"{path}: the file is empty")
     if b"\0" in data:
         raise InputError(f"{path}: not a BVH file, it holds binary data (or UTF-16 text: save it as UTF-8)")
     source = Source(path, data)
     header = parse_header(source)
     layout = _layout(source, header, metres_per_unit)
-    root, turned, translations = decode(layout, _parse_rows(source, header, layout))
+    root, turned, translations = decode(layout, parse_rows(source, header))
     return Motion(layout.skeleton, root, turned, rate_of(layout.frame_time), translations, layout)
 
 
@@ -65,7 +62,7 @@ def rate_of(frame_time: str) -> float:
     last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     for rates in (_COMMON_RATES, _NTSC_RATES):
         rate = min(rates, key=lambda rate: abs(1.0 / rate - seconds))
-        if abs(1.0 / rate - seconds) <= min(0.5001 * last_digit, 0.025 * seconds):
+        if abs(1.0 / rate - seconds) <= max(2e-5 * seconds, min(0.5001 * last_digit, 0.025 * seconds)):
             return float(rate)
     return 1.0 / seconds
 
@@ -73,21 +70,22 @@ def rate_of(frame_time: str) -> float:
 def detect_unit(parents: list[int], offsets: Float[ndarray, "joint 3"]) -> float:
     """Metres per unit, guessed from the size of the skeleton by the rule at the top of this file."""
     children = np.bincount(np.array(parents[1:], dtype=int), minlength=len(parents))
-    lengths = np.linalg.norm(offsets, axis=-1)
+    # Joints are depth first. A chain from the root to the first fork places the body and is not part of it.
+    first = 0
+    while children[first] == 1:
+        first += 1
+    bones = np.linalg.norm(offsets, axis=-1)
     reach = np.zeros(len(parents))
     longest = 0.0
-    for joint in range(len(parents) - 1, 0, -1):
-        # A chain of single joints from the root to the first fork places the body, it is not part of it.
-        parent, arm = parents[joint], reach[joint] + lengths[joint]
-        longest = max(longest, reach[parent] + arm)
-        reach[parent] = max(reach[parent], arm)
-        if np.all(children[: joint + 1][:joint] <= 1):
-            break
+    for joint in range(len(parents) - 1, first, -1):
+        parent, branch = parents[joint], reach[joint] + bones[joint]
+        longest = max(longest, reach[parent] + branch)
+        reach[parent] = max(reach[parent], branch)
     if 0.8 <= longest <= 6.0:
         return 1.0
     if np.count_nonzero(children == 0) < 5 or longest == 0.0:
         return 0.01
-    return min(_UNITS, key=lambda unit: abs(np.log(longest * unit / 2.3)))
+    return min(_UNITS, key=lambda unit: abs(np.log(longest * unit / _ADULT_REACH)))
 
 
 def _layout(source: Source, header: Header, metres_per_unit: float | None) -> BvhLayout:
@@ -97,7 +95,9 @@ def _layout(source: Source, header: Header, metres_per_unit: float | None) -> Bv
     (begin, end), (time_begin, time_end) = header.frames_span, header.frame_time_span
     rest = offsets * unit
     bones = np.concatenate([np.zeros((1, 3)), rest[1:]])
-    row = _FIRST_ROW.search(data, time_end)
+    rows = data[time_end:]
+    first_row = rows[: 2**20].lstrip().partition(source.newline.encode())[0].rstrip(b"\r")
+    numbers = first_row.rstrip()
     return BvhLayout(
         skeleton=Skeleton(tuple(hierarchy.names), tuple(hierarchy.parents), bones),
         offsets=rest,
@@ -109,53 +109,12 @@ def _layout(source: Source, header: Header, metres_per_unit: float | None) -> Bv
         frame_time=data[time_begin:time_end].decode("ascii"),
         encoding=header.encoding,
         newline="\r\n" if b"\r\n" in data[:begin] else source.newline,
-        row_end=row[2].decode("ascii") if row else "",
-        decimals=_decimals(row[1]) if row else 6,
-        rows=data[time_end:],
+        row_end=first_row[len(numbers) :].decode("ascii", "replace"),
+        decimals=_decimals(numbers),
+        rows=rows,
     )
 
 
 def _decimals(row: bytes) -> int:
     plain = [token for token in row.lower().split() if b"e" not in token]
     return min(max([6, *(len(token.partition(b".")[2]) for token in plain)]), 9)
-
-
-def _parse_rows(source: Source, header: Header, layout: BvhLayout) -> Float[ndarray, "frame channel"]:
-    count = layout.channel_count
-    if layout.rows.translate(None, _NUMBER_BYTES):
-        _fail_on_bad_number(source, header)
-    block = layout.rows.replace(b"\r", b"\n") if source.newline == "\r" else layout.rows
-    if not block.strip():
-        raise InputError(f"{source.path}: no rows follow the frame time, {header.frames} were declared")
-    try:
-        values = np.loadtxt(io.BytesIO(block), comments=None, ndmin=2)
-    except ValueError:
-        # Some rows are longer than others, or something is not a number.
-        try:
-            values = np.array(block.split(), dtype=float)
-        except ValueError:
-            _fail_on_bad_number(source, header)
-    if not np.abs(values).max() <= LARGEST:
-        _fail_on_bad_number(source, header)
-    if values.size != header.frames * count:
-        _fail_on_count(source, header, values, count)
-    return values.reshape(header.frames, count)
-
-
-def _fail_on_bad_number(source: Source, header: Header) -> NoReturn:
-    for token in re.compile(rb"\S+").finditer(source.data, header.frame_time_span[1]):
-        parse_number(source, token[0], token.start())
-    raise AssertionError("every number of the motion is one")
-
-
-def _fail_on_count(source: Source, header: Header, values: Float[ndarray, "*shape"], count: int) -> NoReturn:
-    if values.ndim == 2 and values.shape[1] == count:
-        raise InputError(f"{source.path}: {header.frames} frames are declared, {len(values)} rows follow")
-    lines = source.data[header.frame_time_span[1] :].split(source.newline.encode())
-    position = header.frame_time_span[1]
-    for line in lines:
-        numbers = len(line.split())
-        if numbers not in (0, count):
-            source.fail(position, f"{numbers} numbers in a row, {count} channels are declared")
-        position += len(line) + 1
-    raise AssertionError("every row has one number a channel")

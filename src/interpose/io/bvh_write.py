@@ -13,6 +13,7 @@ from numpy import ndarray
 from interpose.io.bvh_channels import decode, encode
 from interpose.io.bvh_layout import BvhLayout, default_layout
 from interpose.io.bvh_read import rate_of
+from interpose.io.bvh_rows import parse_numbers
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
@@ -21,13 +22,13 @@ from interpose.skeleton import Skeleton
 def write(path: str | os.PathLike[str], motion: Motion, verbatim: Mapping[int, int] | None = None) -> None:
     """Writes a motion as BVH, the file whole or absent.
 
-    A motion that was read from BVH and still has that skeleton gets the file's own hierarchy, channels, unit and line ends;
-    any other :func:`~interpose.io.bvh_layout.default_layout`. ``verbatim[i] = f`` writes frame i with the
-    text of the source file's row f, digit for digit. Without ``verbatim`` every frame whose pose is, to the last bit,
-    that of a row of the source file gets that row's text. Other rows get Euler angles as near to the row before as can be.
+    A motion that was read from BVH and still has that skeleton gets the file's own hierarchy, channels, unit and line
+    ends; any other :func:`~interpose.io.bvh_layout.default_layout`. ``verbatim[i] = f`` gives frame i the text of the
+    source file's row f, digit for digit. Without ``verbatim`` every frame whose pose is, to the last bit, that of a row
+    of the source file gets that row's text. Other rows get Euler angles as near to the row before as can be.
 
-    Raises InputError where the path cannot be written, ValueError for poses that are not finite or a ``verbatim`` that does
-    not fit.
+    Raises InputError where the path cannot be written, ValueError for poses that are not finite or a ``verbatim`` that
+    does not fit.
     """
     if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.local_rotations).all()):
         raise ValueError("the motion has values that are not finite")
@@ -76,14 +77,16 @@ def _depth_first(motion: Motion) -> Motion:
 def _same_rows(layout: BvhLayout, motion: Motion) -> dict[int, int]:
     if not layout.rows:
         return {}
-    values = np.array(layout.rows.split(), dtype=float).reshape(-1, layout.channel_count)
+    values = parse_numbers(layout.rows).reshape(-1, layout.channel_count)
     source = {row: frame for frame, row in enumerate(_pose_bytes(*decode(layout, values)))}
     poses = _pose_bytes(motion.root_positions, motion.local_rotations, motion.translations)
     return {frame: source[row] for frame, row in enumerate(poses) if row in source}
 
 
 def _pose_bytes(
-    root: Float[ndarray, "frame 3"], turned: Float[ndarray, "frame joint 4"], moved: Float[ndarray, "frame joint 3"] | None
+    root: Float[ndarray, "frame 3"],
+    turned: Float[ndarray, "frame joint 4"],
+    moved: Float[ndarray, "frame joint 3"] | None,
 ) -> list[bytes]:
     parts = [root, turned.reshape(len(root), -1)] + ([] if moved is None else [moved.reshape(len(root), -1)])
     return [row.tobytes() for row in np.concatenate(parts, axis=1)]

@@ -35,9 +35,10 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
 
     A device or pipe (``/dev/stdout``) is written directly. Raises InputError where it cannot be written.
     """
-    target = Path(os.path.realpath(path))
-    beside = target.with_name(f".interpose-{os.getpid()}-{os.urandom(4).hex()}.tmp")
+    target = Path(path)
     try:
+        target = Path(os.path.realpath(path))
+        beside = target.with_name(f".interpose-{os.getpid()}-{os.urandom(4).hex()}.tmp")
         if target.is_dir():
             raise InputError(f"{path}: is a folder, give a file name")
         if target.exists() and not target.is_file():
