@@ -59,9 +59,9 @@ def evaluate_lafan1(
         raise InputError(f"transition lengths must be 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
     named = [parse_method(text, model) for text in methods]
     labels = [label for label, _ in named]
-    if len(set(labels)) < max(len(labels), 1):
+    if not labels or len(set(labels)) < len(labels):
         raise InputError(
-            f"methods must be named, each once, got {', '.join(labels) or 'none'}; label models LABEL=MODEL"
+            f"--methods names each method once, got {', '.join(labels) or 'none'}; LABEL=MODEL names a model"
         )
     progress(f"reading {data}")
     source = lafan1.read(data)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from interpose.errors import InputError
+from interpose.evaluate import tables
+from interpose.evaluate.tables import Row
+
+NAN = float("nan")
+ROWS = [
+    Row("truth", "lafan1", 15, "foot_slide", 0.14, NAN, 0.1, 0.2, 10, NAN, NAN),
+    Row("interp", "lafan1", 5, "L2P", 0.3, 1.0, 0.2, 0.4, 10, 1.0, 1.0),
+    Row("interp", "lafan1", 15, "L2P", 1.0, 1.0, 0.9, 1.1, 10, 1.0, 1.0),
+    Row("dcmoe", "lafan1", 15, "L2P", 0.7, 0.7, 0.6, 0.8, 1, 0.65, 0.75),
+]
+
+
+def test_json_is_a_list_of_rows_with_null_for_what_is_no_number() -> None:
+    rows = json.loads(tables.to_json(ROWS))
+    assert rows[0]["value"] == 0.14
+    assert rows[0]["ratio_to_interp"] is None
+    assert set(rows[3]) >= {
+        "method", "protocol", "frames", "metric", "value", "ratio_to_interp", "ci_low", "ci_high", "context_frames"
+    }  # fmt: skip
+
+
+def test_csv_reads_back() -> None:
+    rows = list(csv.DictReader(tables.to_csv(ROWS).splitlines()))
+    assert [row["method"] for row in rows] == ["truth", "interp", "interp", "dcmoe"]
+    assert list(rows[0]) == [field.name for field in fields(Row)]
+    assert float(rows[3]["ratio_ci_low"]) == 0.65
+
+
+def test_markdown_has_a_table_a_metric_and_leaves_gaps_where_there_is_no_number() -> None:
+    text = tables.to_markdown(ROWS, "# Results\n")
+    assert text.startswith("# Results\n")
+    assert text.index("## L2P") < text.index("## foot_slide (cm a frame in contact)")
+    assert "| interp | 10 | 0.300 | 1.000 |" in text
+    assert "| dcmoe | 1 | - | 0.700 (0.70) |" in text
+    assert "| truth | 10 | 0.14 |" in text
+
+
+def test_every_metric_of_the_design_has_a_unit() -> None:
+    named = {"L2P", "L2Q", "L2Q_aligned", "NPSS", "APD", "ADE", "SLDE", "MMPE", "foot_slide", "arrival_position"}
+    assert named <= set(tables.METRICS)
+
+
+def test_write_makes_the_folder_and_leaves_nothing_else_in_it(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    paths = tables.write(ROWS, tmp_path / "a" / "b", "# Results\n")
+    assert [path.name for path in paths] == ["results.json", "results.csv", "results.md", "l2p.png"]
+    assert sorted(path.name for path in (tmp_path / "a" / "b").iterdir()) == sorted(path.name for path in paths)
+
+
+def test_the_figure_is_a_picture(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from PIL import Image
+
+    assert tables.draw(ROWS, tmp_path / "l2p.png")
+    with Image.open(tmp_path / "l2p.png") as picture:
+        assert picture.size == (960, 600)
+        assert len(picture.convert("RGB").getcolors(1_000_000) or []) > 10
+
+
+def test_without_matplotlib_there_are_tables_and_no_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    paths = tables.write(ROWS, tmp_path, "# Results\n")
+    assert [path.name for path in paths] == ["results.json", "results.csv", "results.md"]
+
+
+def test_a_folder_that_cannot_be_made_is_the_inputs_fault(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="the folder cannot be made"):
+        tables.write(ROWS, tmp_path / "file" / "out", "# Results\n")
