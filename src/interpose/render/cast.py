@@ -1,0 +1,85 @@
+"""What a picture needs to know of a motion: its figure, its poses, where the floor is and which way it goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from interpose.data import contacts, root
+from interpose.errors import InputError
+from interpose.figure import SOLE, Figure, figure
+from interpose.motion import Motion
+from interpose.render.scene import Actor, Colour
+from interpose.retarget.mapping import plan
+from interpose.retarget.transfer import to_humanoid
+from interpose.skeleton import HUMANOID
+
+HIPS = HUMANOID.index("Hips")
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """positions (frame, joint, 3) and rotations (frame, joint, 4) in the world; floor: its height, metres.
+
+    track: (frame, 2) the root on the ground (x, z). facing: (frame, 2), or None where there is no humanoid.
+    down: (frame, 2) whether the left and the right foot are on the ground, or None.
+    """
+
+    motion: Motion
+    figure: Figure
+    coarse: Figure
+    positions: Float[ndarray, "frame joint 3"]
+    rotations: Float[ndarray, "frame joint 4"]
+    floor: float
+    track: Float[ndarray, "frame 2"]
+    facing: Float[ndarray, "frame 2"] | None
+    down: Bool[ndarray, "frame 2"] | None
+
+    def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"] | None = None) -> Actor:
+        """The figure at a frame, moved by ``moved`` metres."""
+        shift = np.zeros(3) if moved is None else moved
+        return Actor(self.figure, self.coarse, self.positions[frame] + shift, self.rotations[frame], colour)
+
+    def heading(self) -> Float[ndarray, "3"]:
+        """What a camera should see as screen right: the way travelled, turned a little towards the viewer.
+
+        A figure that stays within half a metre is seen from the front and somewhat to the side.
+        """
+        way = self.track[-1] - self.track[0]
+        if np.linalg.norm(way) > 0.5:
+            return _turn(way, np.deg2rad(24.0))
+        first = np.array([0.0, 1.0]) if self.facing is None else self.facing[0]
+        return _turn(first, np.deg2rad(58.0))
+
+
+def cast(motion: Motion, detail: int = 4) -> Cast:
+    """Raises InputError for a motion without frames."""
+    if len(motion) == 0:
+        raise InputError("a motion without frames cannot be drawn; give at least one frame")
+    positions = motion.global_positions()
+    facing = down = None
+    hips = 0
+    try:
+        found = plan(motion)
+        human = to_humanoid(motion, found).global_positions()
+    except InputError:
+        pass
+    else:
+        hips = found.joints[HIPS] or 0
+        facing = root.facing(human)
+        joints = contacts.detect(human, motion.rate)
+        down = joints.reshape(-1, 2, 2).any(axis=2)
+    lowest = float(np.percentile(positions[..., 1].min(axis=1), 5)) - SOLE
+    floor = 0.0 if abs(lowest) < 0.10 else lowest
+    track = positions[:, hips][:, [0, 2]]
+    shapes = figure(motion, detail), figure(motion, 2)
+    return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down)
+
+
+def _turn(way: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:
+    """The ground direction (x, z) turned by ``angle`` from +Z towards +X, as a unit vector."""
+    yaw = np.arctan2(way[0], way[1]) + angle
+    return np.array([np.sin(yaw), 0.0, np.cos(yaw)])

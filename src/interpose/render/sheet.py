@@ -1,0 +1,268 @@
+"""Contact sheets: one row a transition, its poses from left to right in time, and one large picture of a motion.
+
+In a row the poses stand side by side at equal spaces, whatever way they travelled; where they truly went is the small
+map at its left, and which foot was down when is the pair of bars below. Keys are in full colour, the start blue and
+the target orange; generated frames are pale and pass from one to the other.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from PIL import Image, ImageDraw, ImageFont
+
+from interpose.errors import InputError
+from interpose.io.files import write_whole
+from interpose.motion import Motion
+from interpose.render.cast import Cast, cast
+from interpose.render.scene import FAINT, INK, PAPER, START, TARGET, Camera, Colour, look, mix, picture
+
+MARGIN = 28
+SIDE = 250
+STRIP = 300
+BARS = 66
+LINE: Colour = (221, 217, 208)
+PALE: tuple[Colour, Colour, Colour] = ((166, 200, 212), (234, 222, 198), (242, 178, 146))
+"""Generated frames: after the start, half-way, before the target."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One transition: its frames with the keys in them, a title, and short lines of text below it.
+
+    keys: which frames are keys (negative from the end); the first of them is the start, the last the target.
+    """
+
+    motion: Motion
+    title: str
+    notes: tuple[str, ...] = ()
+    keys: tuple[int, ...] = (0, -1)
+
+
+def contact_sheet(
+    path: str | PathLike[str],
+    rows: Sequence[Row],
+    heading: str = "",
+    subheading: str = "",
+    poses: int = 11,
+    width: int = 1800,
+) -> None:
+    """Writes a PNG of all rows, at most ``poses`` poses a row, ``width`` pixels wide, all figures at one scale.
+
+    Raises InputError for no rows, a motion without frames, a key outside its motion, or an unwritable path.
+    """
+    if not rows:
+        raise InputError("a contact sheet needs at least one motion")
+    casts = [cast(row.motion) for row in rows]
+    top = MARGIN + (82 if subheading else 58 if heading else 0)
+    tall = STRIP + BARS
+    sheet = Image.new("RGB", (width, top + len(rows) * (tall + 18) + MARGIN - 18), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    if heading:
+        text(draw, (MARGIN, MARGIN - 8), heading, 32, INK, bold=True)
+        text(draw, (MARGIN, MARGIN + 32), subheading, 17, FAINT)
+    scale = 0.80 * STRIP / max(max(_extent(c)[0] for c in casts), 0.2)
+    for k, (row, played) in enumerate(zip(rows, casts, strict=True)):
+        y = top + k * (tall + 18)
+        if k:
+            draw.line((MARGIN, y - 9, width - MARGIN, y - 9), fill=LINE)
+        _row(sheet, row, played, (MARGIN, y), width - 2 * MARGIN, scale, poses)
+    save(path, sheet)
+
+
+def scene(
+    path: str | PathLike[str],
+    motion: Motion,
+    poses: int = 9,
+    keys: tuple[int, ...] = (0, -1),
+    size: tuple[int, int] = (1600, 720),
+) -> None:
+    """Writes a PNG of one motion where it happened: its poses on a metre grid, evenly spaced in time.
+
+    Raises InputError as :func:`contact_sheet` does.
+    """
+    played = cast(motion, detail=8)
+    marks = _keys(keys, len(motion))
+    frames = _frames(marks, poses)
+    camera = look(played.heading(), np.zeros(3), (0.0, 0.0), 1.0, elevation=0.32)
+    seen = camera.project(np.concatenate([played.positions[frames].reshape(-1, 3), _ground(played, frames)]))
+    low, high = seen[:, :2].min(axis=0) - 0.2, seen[:, :2].max(axis=0) + 0.2
+    scale = float(min(0.92 * size[0] / (high[0] - low[0]), 0.86 * size[1] / (high[1] - low[1])))
+    origin = 0.5 * np.array(size) - scale * 0.5 * (low + high) + [0.0, 0.01 * size[1]]
+    camera = look(played.heading(), np.zeros(3), (float(origin[0]), float(origin[1])), scale, elevation=0.32)
+    actors = [played.actor(f, _colour(f, marks)) for f in frames]
+    save(path, picture(camera, actors, size, played.floor, grid=1.0 if scale < 250 else 0.5))
+
+
+def _row(
+    sheet: Image.Image, row: Row, played: Cast, corner: tuple[int, int], width: int, scale: float, poses: int
+) -> None:
+    marks = _keys(row.keys, len(row.motion))
+    strip = width - SIDE
+    _, wide = _extent(played)
+    count = int(np.clip(strip / (scale * max(0.62 * wide, 0.75)), 2, max(poses, 2)))
+    frames = _frames(marks, count)
+    ground = _ground(played, np.arange(len(played.motion)))
+    camera = look(played.heading(), np.array([0.0, played.floor, 0.0]), (0.0, 0.84 * STRIP), scale)
+    aside = camera.project(played.positions)[..., 0] - camera.project(ground)[:, None, 0]
+    left, right = (0.16 * scale - aside[frames[0]].min(), 0.16 * scale + aside[frames[-1]].max())
+    half = 0.5 * strip / len(frames)
+    slots = np.linspace(max(left, half), strip - max(right, half), len(frames))
+    actors = []
+    for frame, slot in zip(frames, slots, strict=True):
+        at = ground[frame] * [1.0, 0.0, 1.0]
+        actors.append(played.actor(frame, _colour(frame, marks), slot / scale * camera.right - at))
+    sheet.paste(picture(camera, actors, (strip, STRIP), played.floor), (corner[0] + SIDE, corner[1]))
+    draw = ImageDraw.Draw(sheet)
+    _bars(draw, played, frames, slots, marks, (corner[0] + SIDE, corner[1] + STRIP))
+    text(draw, corner, row.title, 25, INK, bold=True)
+    for k, note in enumerate(row.notes):
+        text(draw, (corner[0], corner[1] + 36 + 22 * k), note, 16, FAINT)
+    used = 36 + 22 * len(row.notes)
+    _map(sheet, played, frames, marks, camera, (corner[0], corner[1] + used + 14), (SIDE - 40, STRIP + 44 - used - 14))
+
+
+def _bars(
+    draw: ImageDraw.ImageDraw,
+    played: Cast,
+    frames: ndarray,
+    slots: ndarray,
+    marks: Sequence[int],
+    corner: tuple[int, int],
+) -> None:
+    """Frame numbers and times under the poses; below them a bar for each foot, dark while it is on the ground."""
+    x, y = corner
+    for frame, slot in zip(frames.tolist(), slots.tolist(), strict=True):
+        key = frame in marks
+        seconds = (frame - frames[0]) / played.motion.rate
+        name = f"{frame}  ·  {seconds:.2f} s" if len(frames) < 15 else f"{frame}"
+        text(draw, (x + slot, y + 8), name, 14, _colour(frame, marks) if key else FAINT, anchor="ma", bold=key)
+    if played.down is None or len(frames) < 2:
+        return
+    first, last = int(frames[0]), int(frames[-1])
+    step = (slots[-1] - slots[0]) / (last - first)
+    for k, side in enumerate("LR"):
+        top = y + 34 + 13 * k
+        text(draw, (x + slots[0] - 0.5 * step - 9, top - 3), side, 12, FAINT, anchor="ra")
+        draw.rectangle((x + slots[0] - 0.5 * step, top, x + slots[-1] + 0.5 * step, top + 7), fill=(236, 233, 225))
+        for frame in range(first, last + 1):
+            if played.down[frame, k]:
+                left = x + slots[0] + (frame - first - 0.5) * step
+                tone = _colour(frame, marks, pale=0.25)
+                draw.rectangle((left, top, left + step, top + 7), fill=mix(tone, INK, 0.0 if k == 0 else 0.18))
+
+
+def _map(
+    sheet: Image.Image,
+    played: Cast,
+    frames: ndarray,
+    marks: Sequence[int],
+    camera: Camera,
+    corner: tuple[int, int],
+    size: tuple[int, int],
+) -> None:
+    """The root's path from above, turned as the figures are: dots at the poses drawn, ticks where they face."""
+    if size[1] < 40:
+        return
+    k = 3
+    ahead = np.cross(camera.right, [0.0, 1.0, 0.0])
+    axes = np.stack([camera.right[[0, 2]], ahead[[0, 2]]], axis=1)
+    path = (played.track[frames[0] : frames[-1] + 1]) @ axes
+    low, high = path.min(axis=0), path.max(axis=0)
+    unit = k * float(min((size[0] - 44) / max(high[0] - low[0], 1.2), (size[1] - 52) / max(high[1] - low[1], 0.6)))
+    unit = min(unit, k * 110.0)
+    image = Image.new("RGB", (size[0] * k, size[1] * k), PAPER)
+    draw = ImageDraw.Draw(image)
+    centre = np.array([size[0] * k / 2, (size[1] - 22) * k / 2])
+    at = centre + unit * (path - (low + high) / 2)
+    for f in range(len(at) - 1):
+        draw.line((*at[f], *at[f + 1]), fill=_colour(f + int(frames[0]), marks, pale=0.3), width=2 * k)
+    for frame in frames.tolist():
+        p, key = at[frame - frames[0]], frame in marks
+        colour = _colour(frame, marks, pale=0.45)
+        r = (5.5 if key else 3.0) * k
+        if played.facing is not None:
+            nose = p + (played.facing[frame] @ axes) * (15.0 if key else 9.0) * k
+            draw.line((*p, *nose), fill=colour, width=round((2.2 if key else 1.4) * k))
+        draw.ellipse((*(p - r), *(p + r)), fill=colour)
+    small = image.resize(size, Image.Resampling.BOX)
+    metre = next((m for m in (50, 20, 10, 5, 2, 1, 0.5) if m * unit / k <= 0.45 * size[0]), 0.5)
+    length = metre * unit / k
+    draw = ImageDraw.Draw(small)
+    y = size[1] - 8
+    draw.line((1, y, 1 + length, y), fill=FAINT)
+    draw.line((1, y - 3, 1, y + 3), fill=FAINT)
+    draw.line((1 + length, y - 3, 1 + length, y + 3), fill=FAINT)
+    text(draw, (length + 10, y), f"{metre:g} m, from above", 13, FAINT, anchor="lm")
+    sheet.paste(small, corner)
+
+
+def text(
+    draw: ImageDraw.ImageDraw, at: tuple[float, float], words: str, size: int, colour: Colour, anchor: str = "la",
+    bold: bool = False,
+) -> None:
+    """Words in Pillow's own font. Bold is the same letter twice, a fraction of a pixel apart."""
+    font = ImageFont.load_default(size)
+    for shift in (0.0, 0.6) if bold else (0.0,):
+        draw.text((at[0] + shift, at[1]), words, fill=colour, font=font, anchor=anchor)
+
+
+def save(path: str | PathLike[str], image: Image.Image) -> None:
+    """Writes a PNG, whole or not at all."""
+    data = io.BytesIO()
+    image.save(data, format="PNG")
+    write_whole(path, data.getvalue())
+
+
+def _keys(keys: Sequence[int], count: int) -> list[int]:
+    for key in keys:
+        if not -count <= key < count:
+            raise InputError(f"key {key} lies outside a motion of {count} frames (0 to {count - 1})")
+    if not keys:
+        raise InputError("at least one key frame must be named")
+    return sorted({key % count for key in keys})
+
+
+def _frames(marks: Sequence[int], poses: int) -> ndarray:
+    """Evenly spaced frames from the first key to the last, each moved onto a key that lies within half a step."""
+    even = np.linspace(marks[0], marks[-1], min(poses, marks[-1] - marks[0] + 1))
+    frames = np.rint(even).astype(int)
+    reach = 0.5 * (even[1] - even[0]) if len(even) > 1 else 0.0
+    for key in marks:
+        nearest = int(np.argmin(np.abs(even - key)))
+        if abs(even[nearest] - key) <= reach:
+            frames[nearest] = key
+    return np.unique(frames)
+
+
+def _colour(frame: int, marks: Sequence[int], pale: float = 0.0) -> Colour:
+    """Keys from the start's colour to the target's; generated frames pass through the pale colours between them.
+
+    ``pale`` above 0 darkens generated frames towards the keys' colours, for thin marks on paper.
+    """
+    span = marks[-1] - marks[0]
+    part = (frame - marks[0]) / span if span else 0.0
+    full = mix(START, (120, 70, 110), 2.0 * part) if part < 0.5 else mix((120, 70, 110), TARGET, 2.0 * part - 1.0)
+    if frame in marks:
+        return full
+    k = min(int(2.0 * part), 1)
+    return mix(mix(PALE[k], PALE[k + 1], 2.0 * part - k), full, pale)
+
+
+def _ground(played: Cast, frames: ndarray) -> Float[ndarray, "frame 3"]:
+    track = played.track[frames]
+    return np.stack([track[:, 0], np.full(len(frames), played.floor), track[:, 1]], axis=1)
+
+
+def _extent(played: Cast) -> tuple[float, float]:
+    """How high the motion reaches above its floor, and how wide a pose is on screen, metres."""
+    camera = look(played.heading(), np.zeros(3), (0.0, 0.0), 1.0)
+    across = camera.project(played.positions)[..., 0]
+    high = float(played.positions[..., 1].max()) - played.floor
+    return 1.08 * high + 0.10, float(np.percentile(across.max(axis=1) - across.min(axis=1), 90))
