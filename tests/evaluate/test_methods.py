@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from interpose import rotation
-from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, continued
+from interpose.evaluate import lafan1
+from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, continued, from_model
+from interpose.motion import Motion
+from interpose.runtime import rollout, session
+from interpose.runtime.interpolate import interpolate
+from interpose.skeleton import HUMANOID
+
+from .conftest import MakeClip
 
 
 def about_x(*degrees: float) -> np.ndarray:
@@ -51,3 +58,41 @@ def test_signs_go_on_from_the_start_key() -> None:
     np.testing.assert_array_equal(np.sum(made[:, 1:] * made[:, :-1], axis=-1) > 0.0, True)
     assert np.sum(made[0, 0, 0] * -true[0, 0, 0]) > 0.0
     np.testing.assert_allclose(np.abs(made), np.abs(true[:, 1:]))
+
+
+def test_a_model_is_retargeted_on_the_way_in_and_back_on_the_way_out(
+    make_clip: MakeClip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Interpolation on the humanoid, in place of a network, comes back as the data set's own interpolation."""
+    seen: list[tuple[int, ...]] = []
+
+    def stand_in(
+        model: object,
+        start_root: np.ndarray,
+        start_local: np.ndarray,
+        target_root: np.ndarray,
+        target_local: np.ndarray,
+        frames: int,
+        style: list[str | None],
+        seed: int,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        assert (model, style, seed) == ("the model in runs/mine", ["Angry"] * len(start_root), 7)
+        seen.append(start_local.shape)
+        made = [
+            interpolate(Motion(HUMANOID, a, b, 30.0), Motion(HUMANOID, c[None], d[None], 30.0), frames)
+            for a, b, c, d in zip(start_root, start_local, target_root, target_local, strict=True)
+        ]
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(made), frames, 22, 1))
+        local = signs * np.stack([m.local_rotations for m in made])
+        return np.stack([m.root_positions for m in made]), local, np.zeros((len(made), frames, 4))
+
+    monkeypatch.setattr(session, "load", lambda name: f"the model in {name}")
+    monkeypatch.setattr(rollout, "generate_batch", stand_in)
+    windows = lafan1.cut((make_clip(200),))
+    method = from_model("mine", "runs/mine", windows.skeleton, 30.0, context_frames=4, style="Angry", seed=7)
+    given = windows.root[:, 6:10], windows.local[:, 6:10], windows.root[:, 25], windows.local[:, 25]
+    root, local = method.generate(*given, 15)
+    expected_root, expected_local = INTERP.generate(*given, 15)
+    assert seen == [(len(windows), 4, 22, 4)]
+    np.testing.assert_allclose(root, expected_root, atol=1e-3)  # the humanoid's own hips lie off the line by as much
+    np.testing.assert_allclose(local, expected_local, atol=1e-4)

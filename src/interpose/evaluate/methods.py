@@ -124,8 +124,11 @@ def from_model(
     ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
         start = to_humanoid(context_root, context_local)
         end_root, end_local = to_humanoid(target_root[:, None], target_local[:, None])
-        made = rollout.generate_batch(loaded, *start, end_root[:, 0], end_local[:, 0], frames, style=style, seed=seed)
-        root, local = from_humanoid(*made)
+        end = end_root[:, 0], end_local[:, 0]
+        made_root, made_local, _ = rollout.generate_batch(
+            loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
+        )
+        root, local = from_humanoid(made_root, made_local)
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)
