@@ -131,7 +131,7 @@ def prepare(
         fingerprint=fingerprint,
         skipped=skipped,
     )
-    shutil.rmtree(out / PARTS)
+    shutil.rmtree(out / PARTS, ignore_errors=True)
     report = Report(made, len(jobs) - len(failed), time.monotonic() - begun)
     write_whole(out / REPORT, report.markdown().encode())
     return report
