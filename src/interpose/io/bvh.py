@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from interpose.io.bvh_layout import CHANNELS as CHANNELS
 from interpose.io.bvh_layout import BvhLayout as BvhLayout
 from interpose.io.bvh_layout import default_layout as default_layout
 from interpose.io.bvh_read import detect_unit as detect_unit

@@ -4,8 +4,8 @@ The format as it is found in the wild: any order of one to six channels a joint,
 blanks and line ends, rows wrapped over lines, keywords in any case, names with spaces. No count that the file declares
 is believed before the numbers are there.
 
-The unit is not in the file. The longest way through the bones (from a hand to a foot, say) is about 2.3 m in an adult, so
-0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is taken to be a humanoid, in the one of
+The unit is not in the file. The longest way through the bones (from a hand to a foot, say) is about 2.3 m in an adult,
+so 0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is taken to be a humanoid, in the one of
 millimetres, centimetres, inches and CMU's unit (an inch / 0.45) that brings it nearest to 2.3 m, and any other skeleton
 to be in centimetres.
 """
@@ -13,6 +13,7 @@ to be in centimetres.
 from __future__ import annotations
 
 import os
+from decimal import Decimal
 
 import numpy as np
 from jaxtyping import Float
@@ -58,8 +59,7 @@ def rate_of(frame_time: str) -> float:
     ``0.033333`` and ``0.0333`` are 30, ``0.0333667`` is 29.97 (30000 / 1001), ``0.03`` is 33.3.
     """
     seconds = float(frame_time)
-    mantissa, _, exponent = frame_time.lower().partition("e")
-    last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    last_digit = 10.0 ** int(Decimal(frame_time).as_tuple().exponent)
     for rates in (_COMMON_RATES, _NTSC_RATES):
         rate = min(rates, key=lambda rate: abs(1.0 / rate - seconds))
         if abs(1.0 / rate - seconds) <= max(2e-5 * seconds, min(0.5001 * last_digit, 0.025 * seconds)):

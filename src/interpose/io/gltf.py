@@ -1,0 +1,204 @@
+"""Motions as binary glTF 2.0 (.glb): a skinned mannequin with one animation a motion.
+
+The specification is Khronos glTF 2.0, sections 3.6 (buffers), 3.7.3 (skins) and 3.11 (animations). Joints are nodes
+whose bind pose is the skeleton's rest pose, so an inverse bind matrix is a translation; every vertex belongs to one
+joint. glTF's units and axes are those of this package: metres, Y up, quaternions (x, y, z, w).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+
+import numpy as np
+import pygltflib as gltf
+from numpy import ndarray
+
+from interpose import rotation
+from interpose.errors import InputError
+from interpose.figure import LEFT, MIDDLE, RIGHT, figure
+from interpose.io.files import write_whole
+from interpose.motion import Motion
+from interpose.skeleton import Skeleton
+
+MATERIALS = {
+    MIDDLE: ("body", (0.62, 0.52, 0.40)),
+    LEFT: ("left", (0.68, 0.50, 0.36)),
+    RIGHT: ("right", (0.42, 0.44, 0.42)),
+}
+"""Name and linear base colour of each side of the figure."""
+
+
+def write(path: str | PathLike[str], motions: Motion | Mapping[str, Motion], detail: int = 4) -> None:
+    """Writes one motion, or several of one skeleton by name, as a .glb file.
+
+    The figure rests in the first motion's first pose. ``detail`` is a quarter of the vertices around a limb.
+    Raises InputError for no motions, a motion without frames or with values that are not finite, motions of different
+    skeletons, or an unwritable path.
+    """
+    named = {"motion": motions} if isinstance(motions, Motion) else dict(motions)
+    write_whole(path, encode(named, detail))
+
+
+def encode(motions: Mapping[str, Motion], detail: int = 4) -> bytes:
+    """The bytes of the .glb file; see :func:`write`."""
+    if not motions:
+        raise InputError("there is no motion to write as glTF; give at least one")
+    first = next(iter(motions.values()))
+    for name, motion in motions.items():
+        if len(motion) == 0:
+            raise InputError(f"motion {name!r} has no frames; glTF needs at least one")
+        if motion.skeleton != first.skeleton:
+            raise InputError(f"motion {name!r} has another skeleton than the first; write it to a file of its own")
+        if not all(np.isfinite(x).all() for x in (motion.root_positions, motion.local_rotations, _moved(motion))):
+            raise InputError(f"motion {name!r} holds values that are not finite; repair or cut them before writing")
+    document = _Document()
+    joints = len(first.skeleton)
+    document.content.nodes = _nodes(first)
+    document.content.nodes.append(gltf.Node(name="Figure", mesh=0, skin=0))
+    document.content.scenes = [gltf.Scene(name="Scene", nodes=[0, joints])]
+    document.content.scene = 0
+    _add_figure(document, first, detail)
+    for name, motion in motions.items():
+        _add_animation(document, name, motion)
+    return document.finish()
+
+
+@dataclass
+class _Document:
+    """A glTF document whose one buffer grows as arrays are added."""
+
+    content: gltf.GLTF2 = field(
+        default_factory=lambda: gltf.GLTF2(asset=gltf.Asset(version="2.0", generator="interpose"))
+    )
+    data: bytearray = field(default_factory=bytearray)
+
+    def add(self, array: ndarray, kind: str, target: int | None = None, limits: bool = False) -> int:
+        """Stores float32, uint8, uint16 or uint32 elements (row-major) and returns the accessor's index."""
+        self.data.extend(b"\0" * (-len(self.data) % 4))
+        start, raw = len(self.data), np.ascontiguousarray(array).tobytes()
+        self.data.extend(raw)
+        self.content.bufferViews.append(
+            gltf.BufferView(buffer=0, byteOffset=start, byteLength=len(raw), target=target)
+        )
+        rows = array.reshape(len(array), -1)
+        self.content.accessors.append(
+            gltf.Accessor(
+                bufferView=len(self.content.bufferViews) - 1,
+                byteOffset=0,
+                componentType=_COMPONENTS[array.dtype.name],
+                count=len(array),
+                type=kind,
+                min=rows.min(axis=0).tolist() if limits else None,
+                max=rows.max(axis=0).tolist() if limits else None,
+            )
+        )
+        return len(self.content.accessors) - 1
+
+    def finish(self) -> bytes:
+        self.data.extend(b"\0" * (-len(self.data) % 4))
+        self.content.buffers = [gltf.Buffer(byteLength=len(self.data))]
+        self.content.set_binary_blob(bytes(self.data))
+        return b"".join(self.content.save_to_bytes())
+
+
+_COMPONENTS = {"float32": gltf.FLOAT, "uint8": gltf.UNSIGNED_BYTE, "uint16": gltf.UNSIGNED_SHORT, "uint32": gltf.UNSIGNED_INT}
+
+
+def _moved(motion: Motion) -> ndarray:
+    return motion.root_positions if motion.translations is None else motion.translations
+
+
+def _unit(q: ndarray) -> ndarray:
+    return (q / np.linalg.norm(q, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def _nodes(motion: Motion) -> list[gltf.Node]:
+    """A node a joint, in the motion's first pose."""
+    skeleton = motion.skeleton
+    places = skeleton.offsets.copy() if motion.translations is None else motion.translations[0].copy()
+    places[0] = motion.root_positions[0]
+    turned = _unit(motion.local_rotations[0])
+    nodes = [
+        gltf.Node(name=name, translation=place.tolist(), rotation=turn.tolist(), children=[])
+        for name, place, turn in zip(skeleton.names, places.astype(np.float32), turned, strict=True)
+    ]
+    for joint, parent in enumerate(skeleton.parents[1:], start=1):
+        nodes[parent].children.append(joint)
+    return nodes
+
+
+def _rest(skeleton: Skeleton) -> ndarray:
+    """(joint, 3) positions in the rest pose with the root at the origin."""
+    rest = skeleton.offsets.copy()
+    rest[0] = 0.0
+    for joint, parent in enumerate(skeleton.parents[1:], start=1):
+        rest[joint] += rest[parent]
+    return rest
+
+
+def _add_figure(document: _Document, motion: Motion, detail: int) -> None:
+    """The mesh in the rest pose, one primitive a side of the body, and the skin that ties it to the joints."""
+    shape, rest = figure(motion, detail), _rest(motion.skeleton)
+    index = np.uint8 if len(rest) < 256 else np.uint16
+    primitives = []
+    for side, (name, colour) in MATERIALS.items():
+        triangles = shape.triangles[shape.sides == side]
+        if len(triangles) == 0:
+            continue
+        used, flat = np.unique(triangles, return_inverse=True)
+        carriers = shape.joints[used]
+        bones = np.zeros((len(used), 4), dtype=index)
+        bones[:, 0] = carriers
+        weights = np.zeros((len(used), 4), dtype=np.float32)
+        weights[:, 0] = 1.0
+        places = (rest[carriers] + shape.vertices[used]).astype(np.float32)
+        corners = flat.astype(np.uint16 if len(used) < 65535 else np.uint32)
+        primitives.append(
+            gltf.Primitive(
+                attributes=gltf.Attributes(
+                    POSITION=document.add(places, gltf.VEC3, gltf.ARRAY_BUFFER, limits=True),
+                    NORMAL=document.add(_unit(shape.normals[used]), gltf.VEC3, gltf.ARRAY_BUFFER),
+                    JOINTS_0=document.add(bones, gltf.VEC4, gltf.ARRAY_BUFFER),
+                    WEIGHTS_0=document.add(weights, gltf.VEC4, gltf.ARRAY_BUFFER),
+                ),
+                indices=document.add(corners.reshape(-1), gltf.SCALAR, gltf.ELEMENT_ARRAY_BUFFER),
+                material=len(document.content.materials),
+            )
+        )
+        surface = gltf.PbrMetallicRoughness(baseColorFactor=[*colour, 1.0], metallicFactor=0.0, roughnessFactor=0.55)
+        document.content.materials.append(gltf.Material(name=name, pbrMetallicRoughness=surface, alphaMode=gltf.OPAQUE))
+    document.content.meshes = [gltf.Mesh(name="Figure", primitives=primitives)]
+    binds = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
+    binds[:, 3, :3] = -rest  # glTF stores matrices by columns: the last row here is the translation
+    document.content.skins = [
+        gltf.Skin(
+            name="Figure",
+            skeleton=0,
+            joints=list(range(len(rest))),
+            inverseBindMatrices=document.add(binds.reshape(-1, 16), gltf.MAT4),
+        )
+    ]
+
+
+def _add_animation(document: _Document, name: str, motion: Motion) -> None:
+    """Rotations of every joint and the root's translation; other translations where the motion animates them."""
+    times = (np.arange(len(motion)) / motion.rate).astype(np.float32)
+    clock = document.add(times, gltf.SCALAR, limits=True)
+    animation = gltf.Animation(name=name, samplers=[], channels=[])
+
+    def channel(joint: int, what: str, values: ndarray, kind: str) -> None:
+        sampler = gltf.AnimationSampler(input=clock, output=document.add(values, kind), interpolation="LINEAR")
+        target = gltf.AnimationChannelTarget(node=joint, path=what)
+        animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers), target=target))
+        animation.samplers.append(sampler)
+
+    turned = _unit(rotation.continuous(motion.local_rotations))
+    for joint in range(len(motion.skeleton)):
+        channel(joint, "rotation", turned[:, joint], gltf.VEC4)
+        if joint == 0:
+            channel(joint, "translation", motion.root_positions.astype(np.float32), gltf.VEC3)
+        elif motion.translations is not None:
+            channel(joint, "translation", motion.translations[:, joint].astype(np.float32), gltf.VEC3)
+    document.content.animations.append(animation)
