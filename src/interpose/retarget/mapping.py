@@ -29,7 +29,7 @@ class Mapping:
     joints: for each of the 22 joints the source joint, or None.
     rest_global: (22, 4), rotation of the source joint in the humanoid's T-pose (identity where there is none).
     scale: source metres times this are the humanoid's. lift: metres added to the height after scaling, which keeps
-    the soles of both on the same floor. hip_centre: (3,), the point midway between the thighs in the source hips' frame.
+    the soles of both on the same floor. hip_centre: (3,), the point midway between the thighs in the hips' own frame.
     torso: source joints without a counterpart that lie between mapped joints of the spine or neck; they are bent
     with their neighbours. All others without a counterpart keep their rest rotation.
     """
@@ -74,7 +74,7 @@ def plan(source: Skeleton | Motion) -> Mapping:
     """
     motion = source if isinstance(source, Motion) else None
     skeleton = source.skeleton if isinstance(source, Motion) else source
-    found = naming.find(skeleton)
+    found = naming.find(skeleton, motion)
     stance = rest.stance(skeleton, found, motion)
     leg = stance.leg_length
     if not leg > 0:

@@ -6,17 +6,35 @@ import re
 from dataclasses import dataclass
 
 from interpose.errors import InputError
+from interpose.motion import Motion
 from interpose.retarget import hierarchy
 from interpose.retarget.profiles import PROFILES, Profile, bare, plain
 from interpose.skeleton import HUMANOID, Skeleton
 
 REQUIRED = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot")
-_LIMB_ENDS = ("Head", "LeftHand", "RightHand", "LeftForeArm", "RightForeArm", "LeftArm", "RightArm")
+
+_SYNONYMS = {
+    "Hips": "hips hip pelvis cog root",
+    "Head": "head",
+    "UpLeg": "upleg upperleg thigh upperthigh femur hip legupper",
+    "Leg": "leg lowerleg shin calf knee tibia leglower",
+    "Foot": "foot ankle",
+    "Toe": "toe toes toebase ball toe0 forefoot",
+    "Shoulder": "collar clavicle collarbone scapula shoulder",
+    "Arm": "arm upperarm uparm shldr humerus shoulder armupper",
+    "ForeArm": "forearm lowerarm loarm elbow radius armlower",
+    "Hand": "hand wrist palm",
+}
+_SIDED_WORDS = {word for role, words in _SYNONYMS.items() if role not in ("Hips", "Head") for word in words.split()}
 
 
 @dataclass(frozen=True)
 class Found:
-    """joints: for each of the 22 the source joint or None. torso: unmapped joints between mapped ones of spine or neck."""
+    """The humanoid in a skeleton.
+
+    joints: for each of the 22 the source joint or None. torso: joints without a counterpart between mapped ones of the
+    spine or neck. known: the profile, where one fits.
+    """
 
     profile: str
     known: Profile | None
@@ -24,70 +42,28 @@ class Found:
     torso: tuple[int, ...]
 
 
-def find(skeleton: Skeleton) -> Found:
-    """The best profile's joints; else those of similar names; else those that the hierarchy and rest pose suggest.
+def find(skeleton: Skeleton, motion: Motion | None = None) -> Found:
+    """The best profile's joints; else those of similar names; else those that the hierarchy suggests.
 
     Raises InputError naming the hips or leg joints that cannot be found.
     """
-    best: tuple[int, Profile, dict[str, int]] | None = None
-    for profile in PROFILES:
-        limbs = _by_profile(skeleton, profile)
-        if (
-            all(name in limbs for name in REQUIRED)
-            and _consistent(skeleton, limbs)
-            and (best is None or len(limbs) > best[0])
-        ):
-            best = (len(limbs), profile, limbs)
-    if best is not None:
-        return _complete(skeleton, best[1].name, best[1], best[2])
-    limbs = _by_synonyms(skeleton)
-    if all(name in limbs for name in REQUIRED) and _consistent(skeleton, limbs):
-        return _complete(skeleton, "similar names", None, limbs)
-    guessed = hierarchy.guess(skeleton)
+    candidates = [(profile, _by_profile(skeleton, profile)) for profile in PROFILES]
+    fitting = [(profile, limbs) for profile, limbs in candidates if _usable(skeleton, limbs)]
+    if fitting:
+        known, limbs = max(fitting, key=lambda fit: len(fit[1]) + bool(fit[0].mark))
+        return _complete(skeleton, known.name, known, limbs)
+    similar = _by_synonyms(skeleton)
+    if _usable(skeleton, similar):
+        return _complete(skeleton, "similar names", None, similar)
+    guessed = hierarchy.guess(skeleton, motion)
     if guessed is not None:
         return _complete(skeleton, "hierarchy", None, guessed)
-    lacking = [name for name in REQUIRED if name not in limbs] or list(REQUIRED)
+    lacking = [name for name in REQUIRED if name not in similar] or ["legs that hang below the hips"]
+    names = ", ".join(skeleton.names[:6]) + (", …" if len(skeleton) > 6 else "")
     raise InputError(
-        f"no humanoid was found in the skeleton ({', '.join(skeleton.names[:6])}{', …' if len(skeleton) > 6 else ''}): "
-        f"missing {', '.join(lacking)}; hips with two whole legs are needed"
+        f"no humanoid was found in the skeleton ({names}): missing {', '.join(lacking)}; "
+        "hips with two legs of thigh, shin and foot are needed"
     )
-
-
-def _by_profile(skeleton: Skeleton, profile: Profile) -> dict[str, int]:
-    index: dict[str, int] = {}
-    for joint, name in enumerate(skeleton.names):
-        index.setdefault(plain(name), joint)
-    return {ours: index[plain(theirs)] for ours, theirs in profile.joints().items() if plain(theirs) in index}
-
-
-_SYNONYMS = {
-    "Hips": "hips hip pelvis root cog",
-    "Head": "head",
-    "UpLeg": "upleg upperleg thigh upperthigh hip hipjoint legupper femur",
-    "Leg": "leg lowerleg knee shin calf leglower tibia",
-    "Foot": "foot ankle feet",
-    "Toe": "toe toes toebase ball toe0 forefoot",
-    "Shoulder": "shoulder collar clavicle collarbone scapula",
-    "Arm": "arm upperarm shoulder shldr armupper humerus uparm",
-    "ForeArm": "forearm lowerarm elbow armlower radius loarm",
-    "Hand": "hand wrist palm",
-}
-
-
-def _by_synonyms(skeleton: Skeleton) -> dict[str, int]:
-    sided: dict[tuple[str, str], int] = {}
-    for joint, name in enumerate(skeleton.names):
-        side, part = split_side(name)
-        sided.setdefault((side, part), joint)
-    found: dict[str, int] = {}
-    for role, words in _SYNONYMS.items():
-        for side in ("",) if role in ("Hips", "Head") else ("Left", "Right"):
-            for word in words.split():
-                joint = sided.get((side, word))
-                if joint is not None and joint not in found.values():
-                    found[side + role] = joint
-                    break
-    return found
 
 
 def split_side(name: str) -> tuple[str, str]:
@@ -98,21 +74,55 @@ def split_side(name: str) -> tuple[str, str]:
             if words and words[position].lower() == spelled:
                 del words[position]
                 return side, "".join(words).lower()
-    return "", "".join(words).lower()
+    joined = "".join(words).lower()
+    if joined[1:] in _SIDED_WORDS and joined[0] in "lr":
+        return ("Left" if joined[0] == "l" else "Right"), joined[1:]
+    for spelled, side in (("left", "Left"), ("right", "Right")):
+        if joined.startswith(spelled):
+            return side, joined[len(spelled) :]
+    return "", joined
 
 
-def _consistent(skeleton: Skeleton, limbs: dict[str, int]) -> bool:
-    """Whether every limb's joints hang below one another and below the hips."""
+def _by_profile(skeleton: Skeleton, profile: Profile) -> dict[str, int]:
+    index: dict[str, int] = {}
+    for joint, name in sorted(enumerate(skeleton.names), key=lambda item: item[1].upper().startswith("ORG")):
+        index.setdefault(plain(name), joint)
+    if profile.mark and plain(profile.mark) not in index:
+        return {}
+    return {ours: index[plain(theirs)] for ours, theirs in profile.joints().items() if plain(theirs) in index}
+
+
+def _by_synonyms(skeleton: Skeleton) -> dict[str, int]:
+    sided: dict[tuple[str, str], int] = {}
+    for joint, name in enumerate(skeleton.names):
+        sided.setdefault(split_side(name), joint)
+    found: dict[str, int] = {}
+    for role, words in _SYNONYMS.items():
+        for side in ("",) if role in ("Hips", "Head") else ("Left", "Right"):
+            joints = [sided[side, word] for word in words.split() if (side, word) in sided]
+            joint = next((joint for joint in joints if joint not in found.values()), None)
+            if joint is not None:
+                found[side + role] = joint
+    for side in ("Left", "Right"):  # a lone "shoulder" is the upper arm: the collar is what may be absent
+        if side + "Arm" not in found and side + "Shoulder" in found and side + "ForeArm" in found:
+            found[side + "Arm"] = found.pop(side + "Shoulder")
+    return found
+
+
+def _usable(skeleton: Skeleton, limbs: dict[str, int]) -> bool:
+    """Whether hips and legs are there and every limb's joints hang below one another and below the hips."""
+    if any(name not in limbs for name in REQUIRED) or len(set(limbs.values())) < len(limbs):
+        return False
     for name, joint in limbs.items():
         above = HUMANOID.parents[HUMANOID.index(name)]
         while above >= 0 and HUMANOID.names[above] not in limbs:
             above = HUMANOID.parents[above]
-        if above >= 0 and limbs[HUMANOID.names[above]] not in ancestors(skeleton, joint):
+        if above >= 0 and limbs[HUMANOID.names[above]] not in _ancestors(skeleton, joint):
             return False
     return True
 
 
-def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
+def _ancestors(skeleton: Skeleton, joint: int) -> list[int]:
     """The joints above, nearest first."""
     out = []
     while (joint := skeleton.parents[joint]) >= 0:
@@ -121,36 +131,30 @@ def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def _complete(skeleton: Skeleton, name: str, known: Profile | None, limbs: dict[str, int]) -> Found:
-    """Add spine and neck, which lie between the hips and the arms or the head."""
-    hips = limbs["Hips"]
+    """Add spine and neck, which lie between the hips and the arms or the head.
 
-    def chain(joint: int) -> list[int]:
-        line = [joint, *ancestors(skeleton, joint)]
-        return line[: line.index(hips)][::-1] if hips in line else []
-
+    Of the spine's joints the last is Spine2, the first of two or more Spine, and the middle one of three or more Spine1
+    (100STYLE's Chest, Chest2, Chest4); of the neck's joints the first is Neck.
+    """
     limbs = dict(limbs)
-    arms = [c for s in ("Left", "Right") if (a := limbs.get(s + "Shoulder", limbs.get(s + "Arm"))) and (c := chain(a))]
-    torso: list[int] = []
-    if arms or "Head" in limbs:
-        head = chain(limbs["Head"]) if "Head" in limbs else []
-        lines = [line[:-1] for line in arms] or [head[:-1]]
-        spine = _shared(lines)
-        if not arms and len(spine) > 1:
-            spine = spine[:-1]  # without arms the last joint below the head is taken for the neck
-        if spine:
-            limbs["Spine2"] = spine[-1]
-        if len(spine) > 1:
-            limbs["Spine"] = spine[0]
-        if len(spine) > 2:
-            limbs["Spine1"] = spine[(len(spine) - 1) // 2]
-        neck = [joint for joint in head[:-1] if joint not in spine]
-        if neck:
-            limbs["Neck"] = neck[0]
-        torso = [joint for joint in (*spine, *neck) if joint not in limbs.values()]
-    joints = tuple(limbs.get(ours) for ours in HUMANOID.names)
-    return Found(name, known, joints, tuple(torso))
 
+    def above(joint: int) -> list[int]:
+        line = _ancestors(skeleton, joint)
+        return line[: line.index(limbs["Hips"])][::-1]
 
-def _shared(lines: list[list[int]]) -> list[int]:
-    first = lines[0]
-    return [joint for joint in first if all(joint in line for line in lines)]
+    tops = [limbs[s + "Shoulder"] if s + "Shoulder" in limbs else limbs.get(s + "Arm") for s in ("Left", "Right")]
+    arms = [above(joint) for joint in tops if joint is not None]
+    head = above(limbs["Head"]) if "Head" in limbs else []
+    lines = arms or [head[:-1] or head]  # without arms the joint below the head is taken for the neck
+    spine = [joint for joint in lines[0] if all(joint in line for line in lines)]
+    if spine:
+        limbs["Spine2"] = spine[-1]
+    if len(spine) > 1:
+        limbs["Spine"] = spine[0]
+    if len(spine) > 2:
+        limbs["Spine1"] = spine[(len(spine) - 1) // 2]
+    neck = [joint for joint in head if joint not in spine]
+    if neck:
+        limbs["Neck"] = neck[0]
+    torso = tuple(joint for joint in (*spine, *neck) if joint not in limbs.values())
+    return Found(name, known, tuple(limbs.get(ours) for ours in HUMANOID.names), torso)

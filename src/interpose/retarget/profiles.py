@@ -37,8 +37,9 @@ class Frames:
 class Profile:
     """Joint names of one family of rigs; "*" stands for the side, spelled as `sides` says (left, right).
 
-    legs: thigh, shin, foot, toe; arms: collar, upper arm, forearm, hand ("-" where the family has none).
+    legs: thigh, shin, foot, toe; arms: collar, upper arm, forearm, hand.
     ankle_height: of a flat foot above the floor, as a share of the leg's length, where it was measured.
+    mark: a joint that tells this family from others with the same limbs; empty where none is needed.
     """
 
     name: str
@@ -49,14 +50,14 @@ class Profile:
     sides: tuple[str, str] = ("Left", "Right")
     ankle_height: float | None = None
     frames: Frames | None = None
+    mark: str = ""
 
     def joints(self) -> dict[str, str]:
         """The humanoid's joint names with this family's names for them, spine and neck left out."""
         named = {"Hips": self.hips, "Head": self.head}
         for side, spelled in zip(("Left", "Right"), self.sides, strict=True):
             for ours, theirs in zip((*LEGS, *ARMS), (*self.legs.split(), *self.arms.split()), strict=True):
-                if theirs != "-":
-                    named[side + ours] = theirs.replace("*", spelled)
+                named[side + ours] = theirs.replace("*", spelled)
         return named
 
 
@@ -81,8 +82,8 @@ _BANDAI = Frames(
     toe_bend=0.285,  # 16.3 degrees
 )
 
-_L_R = ("L", "R")
-_l_r = ("l", "r")
+_LARGE = ("L", "R")
+_SMALL = ("l", "r")
 
 PROFILES = (
     Profile(
@@ -95,12 +96,7 @@ PROFILES = (
         frames=_LAFAN1,
     ),
     Profile(
-        "100STYLE",
-        "Hips",
-        "Head",
-        "*Hip *Knee *Ankle *Toe",
-        "*Collar *Shoulder *Elbow *Wrist",
-        ankle_height=0.1345,
+        "100STYLE", "Hips", "Head", "*Hip *Knee *Ankle *Toe", "*Collar *Shoulder *Elbow *Wrist", ankle_height=0.1345
     ),
     Profile(
         "Bandai-Namco",
@@ -108,38 +104,32 @@ PROFILES = (
         "Head",
         "UpperLeg_* LowerLeg_* Foot_* Toes_*",
         "Shoulder_* UpperArm_* LowerArm_* Hand_*",
-        _L_R,
+        _LARGE,
         ankle_height=0.1461,
         frames=_BANDAI,
     ),
     Profile("Mixamo", "Hips", "Head", "*UpLeg *Leg *Foot *ToeBase", "*Shoulder *Arm *ForeArm *Hand"),
-    Profile("CMU", "hip", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _l_r),
-    Profile("CMU", "root", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _l_r),
-    Profile("CMU", "hip", "head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _l_r),
-    Profile("CMU", "Hips", "Head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _l_r),
+    Profile("CMU", "Hips", "Head", "*UpLeg *Leg *Foot *ToeBase", "*Shoulder *Arm *ForeArm *Hand", mark="LHipJoint"),
+    Profile("CMU", "hip", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _SMALL),
+    Profile("CMU", "root", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _SMALL),
+    Profile("CMU", "hip", "head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _SMALL),
     Profile("Rokoko", "Hips", "Head", "*Thigh *Shin *Foot *Toe", "*Shoulder *Arm *ForeArm *Hand"),
-    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist", _L_R),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist", _LARGE),
     Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist"),
-    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _L_R),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _LARGE),
     Profile(
-        "Unreal", "pelvis", "head", "thigh_* calf_* foot_* ball_*", "clavicle_* upperarm_* lowerarm_* hand_*", _l_r
+        "Unreal", "pelvis", "head", "thigh_* calf_* foot_* ball_*", "clavicle_* upperarm_* lowerarm_* hand_*", _SMALL
     ),
     Profile(
-        "Rigify", "spine", "spine.006", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _L_R
+        "Rigify", "spine", "spine.006", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _LARGE
     ),
-    Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _L_R),
-    Profile(
-        "Biped",
-        "Pelvis",
-        "Head",
-        "* Thigh|* Calf|* Foot|* Toe0".replace(" ", "").replace("|", " "),
-        "*Clavicle *UpperArm *Forearm *Hand",
-        _L_R,
-    ),
+    Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _LARGE),
+    Profile("Biped", "Pelvis", "Head", "*Thigh *Calf *Foot *Toe0", "*Clavicle *UpperArm *Forearm *Hand", _LARGE),
 )
 
 _PREFIX = re.compile(
-    r"^(mixamorig\d*|[mf]_avg|def|org|mch|bip\d+|character\d+|cc_base|valvebiped)[_\-. ]*", re.IGNORECASE
+    r"^(?:mixamorig\d*[_\-. ]*|[mf]_avg_|(?:def|org)[_\-. ]+|bip\d+[_\-. ]+|character\d+_|cc_base_|valvebiped[.])",
+    re.IGNORECASE,
 )
 
 

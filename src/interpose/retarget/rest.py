@@ -3,12 +3,12 @@
 A rest pose (all rotations zero) that shows a standing, A-posed or lying body says it by itself: the body's left, up and
 forward give the torso's frame, and each limb bone is brought to its T-pose direction by the smallest rotation, parents
 first, so that its twist is kept. In rigs whose bones all lie along one axis (LaFAN1, Bandai-Namco) the rest pose shows
-nothing; there the joint frames of the profile are used.
+nothing; there the joint frames of the profile are used, and for rigs of no known family they are read from the motion
+(`observe.py`).
 """
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.retarget.naming import Found
+from interpose.retarget.observe import joint_frames, planted, square
 from interpose.retarget.profiles import Frames
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -27,6 +28,8 @@ _LEFT = np.array([1.0, 0.0, 0.0])
 _TOE = HUMANOID.offsets[HUMANOID.index("LeftToe")]
 _FOOT_PITCH = float(np.arctan2(-_TOE[1], _TOE[2]))
 _BALL_HEIGHT = 0.02  # of the toe joint above the floor as a share of the leg, where nothing else is known
+_ANKLE_HEIGHT = 0.1  # of the ankle, likewise, where there is no toe
+_SIDES = ("Left", "Right")
 
 
 @dataclass(frozen=True)
@@ -40,39 +43,55 @@ class Stance:
 
 
 def stance(skeleton: Skeleton, found: Found, motion: Motion | None) -> Stance:
-    """The T-pose of the joints found."""
-    zero = np.tile(rotation.IDENTITY, (len(skeleton), 1))
+    """The T-pose of the joints found.
+
+    Raises InputError where neither the rest pose nor the profile nor a motion tells how the joints lie.
+    """
     points = _rest_positions(skeleton)
-    at = {name: points[j] for name, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
+    joints = {name: j for name, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
+    at = {name: points[j] for name, j in joints.items()}
     body = _body_frame(at)
-    frames = found.known.frames if found.known is not None else None
+    frames = found.known.frames if found.known is not None and body is None else None
+    seen: tuple[float, float] | None = None
+    turned = {} if frames is None else {name: _axes(_group(name, frames)) for name in joints}
     if body is not None:
-        start = {name: rotation.inverse(body) for name in HUMANOID.names}
-        frames = None
-    elif frames is not None:
-        start = {name: _axes(_group(name, frames)) for name in HUMANOID.names}
-    else:
-        raise InputError("the skeleton's rest pose is not that of a body")
-    del zero, motion
-    turned = dict(start)
-    pitch = _align_legs(turned, at, frames)
+        turned = {name: rotation.inverse(body) for name in joints}
+    elif frames is None or not _fits(turned, at):
+        if motion is None:
+            raise InputError(
+                "the skeleton's rest pose is not that of a body; give a motion to read the joint frames from"
+            )
+        frames, turned = None, joint_frames(motion, joints)
+        seen = planted(motion, joints)
+    flat = _FOOT_PITCH if frames is None or frames.foot_pitch is None else frames.foot_pitch
+    pitch = _align_legs(turned, at, frames, flat if seen is None else seen[1])
     _align_arms(turned, at)
-    leg = np.mean(
-        [
-            np.linalg.norm(at[s + "Leg"] - at[s + "UpLeg"]) + np.linalg.norm(at[s + "Foot"] - at[s + "Leg"])
-            for s in ("Left", "Right")
-        ]
-    )
-    feet = [np.linalg.norm(at[s + "Toe"] - at[s + "Foot"]) for s in ("Left", "Right") if s + "Toe" in at]
-    if found.known is not None and found.known.ankle_height is not None:
-        ankle = found.known.ankle_height * leg
-    elif feet:
-        ankle = np.mean(feet) * np.sin(pitch) + _BALL_HEIGHT * leg
-    else:
-        ankle = -_TOE[1] * leg / 0.8587
+    leg = float(np.mean([_length(at, s + "UpLeg", s + "Leg") + _length(at, s + "Leg", s + "Foot") for s in _SIDES]))
+    feet = [_length(at, s + "Foot", s + "Toe") for s in _SIDES if s + "Toe" in at]
+    ankle = float(np.mean(feet)) * np.sin(pitch) + _BALL_HEIGHT * leg if feet else _ANKLE_HEIGHT * leg
+    known = None if found.known is None else found.known.ankle_height
+    if seen is not None:
+        ankle = seen[0]
+    elif known is not None and abs(known * leg - ankle) < 0.08 * leg:
+        ankle = known * leg
     centre = (at["LeftUpLeg"] + at["RightUpLeg"]) / 2 - at["Hips"]
-    rests = np.array([turned[n] if n in at else rotation.IDENTITY for n in HUMANOID.names])
-    return Stance(rests, float(leg), float(ankle), centre)
+    rests = np.array([turned.get(name, rotation.IDENTITY) for name in HUMANOID.names])
+    return Stance(rests, leg, float(ankle), centre)
+
+
+def _length(at: dict[str, Float[ndarray, "3"]], a: str, b: str) -> float:
+    return float(np.linalg.norm(at[b] - at[a]))
+
+
+def _fits(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]]) -> bool:
+    """Whether a profile's joint frames send every limb bone of this skeleton where it lies in a T-pose."""
+    for side, out in (("Left", _LEFT), ("Right", -_LEFT)):
+        for bone, child, way in (("UpLeg", "Leg", _DOWN), ("Leg", "Foot", _DOWN), ("Arm", "ForeArm", out)):
+            if side + bone in at and side + child in at:
+                line = rotation.rotate(turned[side + bone], at[side + child] - at[side + bone])
+                if float(_unit(line) @ way) < 0.8:
+                    return False
+    return True
 
 
 def _rest_positions(skeleton: Skeleton) -> Float[ndarray, "joint 3"]:
@@ -106,14 +125,14 @@ def _unit(v: Float[ndarray, "3"]) -> Float[ndarray, "3"]:
 
 
 def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | None:
-    """The body's left, up and forward in the rest pose as a rotation from the T-pose's axes; None where it shows no body.
+    """The body's left, up and forward in the rest pose as a rotation from the T-pose's axes; None if it has none.
 
     A body has its legs opposite to its spine and its shoulders on the same sides as its hips. Frames within 30 degrees
     of the axes are taken to be exactly along them: rest poses are built square.
     """
     top = next((at[n] for n in ("Head", "Neck", "Spine2") if n in at), None)
     across = _unit(at["LeftUpLeg"] - at["RightUpLeg"])
-    legs = [_unit(at[s + "Foot"] - at[s + "UpLeg"]) for s in ("Left", "Right")]
+    legs = [_unit(at[s + "Foot"] - at[s + "UpLeg"]) for s in _SIDES]
     down = legs[0] + legs[1]
     up = _unit(top - at["Hips"]) if top is not None else -_unit(down)
     if any(float(leg @ up) > -0.5 for leg in legs):
@@ -123,23 +142,18 @@ def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | Non
     left = _unit(across - (across @ up) * up)
     if float(left @ across) < 0.5:
         return None
-    frame = np.stack([left, up, np.cross(left, up)], axis=1)
-    squares = [
-        np.eye(3)[list(p)] * np.array(s)[:, None]
-        for p in itertools.permutations(range(3))
-        for s in itertools.product((1.0, -1.0), repeat=3)
-    ]
-    nearest = max((m for m in squares if np.linalg.det(m) > 0), key=lambda m: float(np.trace(m.T @ frame)))
-    turn = rotation.from_matrix(nearest.T @ frame)
-    return rotation.from_matrix(nearest if float(rotation.angle(turn)) < np.radians(30.0) else frame)
+    return rotation.from_matrix(square(np.stack([left, up, np.cross(left, up)], axis=1), np.radians(30.0)))
 
 
 def _align_legs(
-    turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]], frames: Frames | None
+    turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]], frames: Frames | None, pitch: float
 ) -> float:
-    """Bring thighs and shins straight down and the soles flat; returns the pitch of a flat foot."""
+    """Bring thighs and shins straight down and the soles flat; returns the pitch of a flat foot.
+
+    pitch: of a flat foot, where the rest pose does not show it.
+    """
     pitches = []
-    for side in ("Left", "Right"):
+    for side in _SIDES:
         thigh, shin, foot, toe = (side + part for part in ("UpLeg", "Leg", "Foot", "Toe"))
         carried = rotation.IDENTITY
         for bone, child in ((thigh, shin), (shin, foot)):
@@ -147,23 +161,22 @@ def _align_legs(
             fix = rotation.between(rotation.rotate(turned[bone], at[child] - at[bone]), _DOWN)
             turned[bone] = rotation.multiply(fix, turned[bone])
             carried = rotation.multiply(fix, carried)
-        pitch = _FOOT_PITCH
-        points = rotation.rotate(turned[foot], at[toe] - at[foot]) if toe in at else _DOWN
-        slope = float(np.arctan2(-points[1], np.hypot(points[0], points[2])))
-        if frames is None and np.radians(5.0) < slope < np.radians(65.0):
-            pitch = slope  # the rest pose stands on its soles: only the heading is straightened
-            heading = rotation.from_rotation_vector(np.array([0.0, -np.arctan2(points[0], points[2]), 0.0]))
-            turned[foot] = rotation.multiply(heading, turned[foot])
-            turned[toe] = rotation.multiply(heading, turned[toe])
-        elif frames is not None or toe in at:
-            pitch = _FOOT_PITCH if frames is None or frames.foot_pitch is None else frames.foot_pitch
-            bend = 0.0 if frames is None else frames.toe_bend
-            flat = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
-            fix = rotation.multiply(rotation.between(rotation.rotate(carried, points), flat), carried)
-            turned[foot] = rotation.multiply(fix, turned[foot])
-            raised = rotation.from_rotation_vector(-bend * _LEFT)
-            turned[toe] = rotation.multiply(raised, rotation.multiply(fix, turned[toe]))
         pitches.append(pitch)
+        if toe not in at and frames is None:
+            continue  # the foot is taken to be flat in the rest pose
+        bone = rotation.rotate(turned[foot], at[toe] - at[foot]) if toe in at else _DOWN
+        slope = float(np.arctan2(-bone[1], np.hypot(bone[0], bone[2])))
+        if frames is None and np.radians(5.0) < slope < np.radians(65.0):
+            pitches[-1] = slope  # the rest pose stands on its soles: only the heading is straightened
+            fix = rotation.from_rotation_vector(np.array([0.0, -np.arctan2(bone[0], bone[2]), 0.0]))
+            bend = rotation.IDENTITY
+        else:
+            flat = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
+            fix = rotation.multiply(rotation.between(rotation.rotate(carried, bone), flat), carried)
+            bend = rotation.from_rotation_vector(-(0.0 if frames is None else frames.toe_bend) * _LEFT)
+        turned[foot] = rotation.multiply(fix, turned[foot])
+        if toe in at:
+            turned[toe] = rotation.multiply(bend, rotation.multiply(fix, turned[toe]))
     return float(np.mean(pitches))
 
 
@@ -178,4 +191,5 @@ def _align_arms(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndar
                 fix = rotation.between(rotation.rotate(turned[bone], at[child] - at[bone]), out)
                 turned[bone] = rotation.multiply(fix, turned[bone])
                 carried = rotation.multiply(fix, carried)
-        turned[hand] = rotation.multiply(carried, turned[hand])
+        if hand in at:
+            turned[hand] = rotation.multiply(carried, turned[hand])

@@ -91,7 +91,7 @@ class _Details:
     """What a pose has beyond the 22 joints.
 
     rotations: (frame, joint, 4), of joints without a counterpart: in the torso beyond the bend of their neighbours,
-    elsewhere beyond the rest pose; of the others the identity. root: where joint 0 is; used where the hips are below it.
+    elsewhere beyond the rest pose; of the others the identity. root: where joint 0 is, used if the hips are below it.
     """
 
     rotations: Float[ndarray, "frame joint 4"]
