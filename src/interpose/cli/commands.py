@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -80,7 +81,7 @@ def info(files: Annotated[Positional[tuple[str, ...]], arg(metavar="FILE")], /, 
     """
     from interpose.cli import inspect
 
-    return inspect.info(files, json)
+    return inspect.info(files, json) if files else _nothing("info", "FILE")
 
 
 def models(json: bool = False) -> int:
@@ -111,39 +112,55 @@ def prepare(
     """
     from interpose.cli import develop
 
-    return develop.prepare(dataset, source, out, workers)
+    return develop.prepare(dataset, source, out, workers) if source else _nothing("prepare", "SOURCE")
 
 
 def train(
-    model: Annotated[Positional[Literal["pae", "dcmoe"]], arg(metavar="pae|dcmoe")],
+    network: Annotated[Positional[Literal["pae", "dcmoe"]], arg(metavar="pae|dcmoe")],
     /,
     data: Annotated[tuple[str, ...], arg(metavar="DB")],
     out: OutFolder,
     preset: str = "small",
+    phases: Annotated[tuple[str, ...], arg(metavar="FILE")] = (),
+    minutes: Annotated[float | None, arg(metavar="M")] = None,
+    device: Annotated[str | None, arg(metavar="cpu|cuda")] = None,
+    seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
     """Train a network on a prepared database. Resumes where the run stopped.
 
     Args:
-        model: pae (the periodic autoencoder) or dcmoe.
+        network: pae (the periodic autoencoder) or dcmoe.
         data: Databases from `interpose prepare`.
         out: The run's folder.
         preset: full, small or tiny; dcmoe also has paper, the paper's recipe unchanged.
+        phases: For dcmoe: the phases.npy that the autoencoder's run wrote, one a database.
+        minutes: Stop after so many minutes; the same command goes on from there.
+        device: Where to compute; a GPU where there is one.
+        seed: Of weights and draws.
     """
     from interpose.cli import develop
 
-    return develop.train(model, data, out, preset)
+    if not data:
+        return _nothing("train", "DB after --data")
+    return develop.train(network, data, phases, out, preset, minutes, device, seed)
 
 
-def export(run: Annotated[Positional[str], arg(metavar="RUN")], /, out: OutFolder) -> int:
+def export(
+    run: Annotated[Positional[str], arg(metavar="RUN")],
+    /,
+    out: OutFolder,
+    name: Annotated[str | None, arg(metavar="NAME")] = None,
+) -> int:
     """Turn a training run into a model's folder: ONNX networks, checked against torch, and model.json.
 
     Args:
         run: The run's folder.
         out: The model's folder.
+        name: The model's name; that of the folder where left out.
     """
     from interpose.cli import develop
 
-    return develop.export(run, out)
+    return develop.export(run, out, name)
 
 
 def evaluate(
@@ -153,19 +170,24 @@ def evaluate(
     out: OutFolder,
     methods: Annotated[str, arg(metavar="A,B,…")] = "interp,zero-velocity",
     model: Annotated[str | None, arg(metavar="NAME|DIR")] = None,
+    context: Annotated[int, arg(metavar="N")] = 1,
+    seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
-    """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and figures (.png).
+    """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and a figure (.png, with matplotlib).
 
     Args:
         protocol: lafan1: the official protocol of LaFAN1.
         data: The benchmark's folder of BVH files.
         out: The folder for tables and figures.
-        methods: interp, zero-velocity, dcmoe, separated by commas.
+        methods: interp, zero-velocity, dcmoe (with --model) and LABEL=MODEL, separated by commas.
         model: The model for dcmoe: installed, or a folder; the default model where left out.
+        context: Frames known to a model before the gap, 1 to 10; the baselines know the protocol's 10.
+        seed: Of the bootstrap and of what the model draws.
     """
     from interpose.cli import develop
 
-    return develop.evaluate(protocol, data, methods, model, out)
+    del protocol
+    return develop.evaluate(data, methods, model, out, context, seed)
 
 
 def demo(out: OutFolder = "interpose-demo") -> int:
@@ -177,3 +199,8 @@ def demo(out: OutFolder = "interpose-demo") -> int:
     from interpose.cli import develop
 
     return develop.demo(out)
+
+
+def _nothing(command: str, wanted: str) -> int:
+    print(f"interpose {command}: name at least one {wanted}", file=sys.stderr)
+    return 2

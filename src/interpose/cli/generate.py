@@ -19,6 +19,7 @@ from interpose.motion import Motion, concatenate
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Info, Request
 from interpose.runtime.interpolate import aligned
+from interpose.runtime.session import load
 
 
 def fill(clip: str, keys: str, options: Options) -> int:
@@ -58,11 +59,8 @@ def _outputs(options: Options) -> list[Path]:
 
 
 def _request(options: Options) -> Request:
-    session = None
-    if options.model is not None or (options.method in inbetween.METHODS and options.method != "interp"):
-        from interpose.runtime.session import load
-
-        session = load(options.model)
+    needed = options.method in inbetween.METHODS and options.method != "interp"
+    session = load(options.model) if needed or options.model is not None else None
     return Request(options.method, session, options.style, options.path, options.seed)
 
 

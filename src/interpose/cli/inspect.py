@@ -71,9 +71,19 @@ def _text(told: dict[str, Any]) -> str:
 
 def models(as_json: bool) -> int:
     """Print the installed models."""
-    from interpose.runtime.session import installed
+    from interpose.runtime import session  # ONNX Runtime takes a while to import, and `info` does without it
 
-    found = installed()
-    for session in found:
-        print(json.dumps(session, ensure_ascii=False) if as_json else session)
+    sessions = [session.load(folder) for folder in session.installed()]
+    if as_json:
+        for one in sessions:
+            print(json.dumps({"folder": str(one.path), **one.info}, ensure_ascii=False))
+        return 0
+    if not sessions:
+        print(f"no model is installed in {session.INSTALLED}", file=sys.stderr)
+    for one in sessions:
+        told = one.info
+        print(f"{one.name}: method {one.method}, {told.get('rate', 30.0):g} Hz, {told.get('parameters', 0):,} weights")
+        print(f"  trained on  {', '.join(told.get('training_data') or ['unknown data'])}")
+        print(f"  licence     {told['licence']}")
+        print(f"  styles      {', '.join(one.styles) or 'none'}")
     return 0

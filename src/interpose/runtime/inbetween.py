@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -23,8 +22,10 @@ from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate
+from interpose.runtime import rollout
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.resampling import MODEL_RATE, model_steps, recent, to_user_rate
+from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
 METHODS = ("dcmoe", "interp")
@@ -44,7 +45,7 @@ class Request:
     """
 
     method: str = "dcmoe"
-    session: Any = None
+    session: Session | None = None
     style: str | None = None
     path: str = "auto"
     seed: int = 0
@@ -228,8 +229,6 @@ def _generate(
     starts: list[Motion], target: Motion, frames: int, request: Request, mapping: retarget.Mapping | str
 ) -> _Made:
     """The model's transitions on the user's rig."""
-    from interpose.runtime import rollout
-
     assert request.session is not None
     assert not isinstance(mapping, str)
     count, rate = len(starts), starts[0].rate
@@ -245,8 +244,9 @@ def _generate(
         np.repeat(target22.root_positions, count, axis=0),
         np.repeat(target22.local_rotations, count, axis=0),
         model_steps(frames, rate) - 1,
-        style=None if request.style is None else [request.style] * count,
+        style=[request.style] * count,
         seed=request.seed,
+        vary=True,
     )
     on_grid = []
     for i in range(count):

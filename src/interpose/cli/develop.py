@@ -1,0 +1,81 @@
+"""The commands of those who train and measure: prepare, train, export, evaluate."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from interpose.errors import InputError
+
+_EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
+
+
+def prepare(dataset: str, sources: Sequence[str], out: str, workers: int | None) -> int:
+    from interpose.data import ingest
+
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers must be 1 or more, got {workers}")
+    report = ingest.prepare(dataset, list(sources), out, workers=workers)
+    print(report.markdown(), end="")
+    print(f"wrote {out}", file=sys.stderr)
+    return 0
+
+
+def train(
+    network: str,
+    data: Sequence[str],
+    phases: Sequence[str],
+    out: str,
+    preset: str,
+    minutes: float | None,
+    device: str | None,
+    seed: int,
+) -> int:
+    recipe = _of_extra(f"interpose.train.{network}")
+    if device is None:
+        device = "cuda" if _of_extra("torch").cuda.is_available() else "cpu"
+    settings = {"max_minutes": minutes, "device": device, "seed": seed}
+    if network == "dcmoe":
+        settings["phases"] = [Path(p) for p in phases] or None
+    elif phases:
+        raise InputError("--phases are for dcmoe; the periodic autoencoder makes them")
+    outcome = recipe.train([Path(d) for d in data], Path(out), preset, **settings)
+    print(f"{out}: {outcome}", file=sys.stderr)
+    return 130 if outcome == "interrupted" else 0
+
+
+def export(run: str, out: str, name: str | None) -> int:
+    made = _of_extra("interpose.export").export(Path(run), Path(out), name=name)
+    print(f"wrote {made}", file=sys.stderr)
+    return 0
+
+
+def evaluate(data: str, methods: str, model: str | None, out: str, context: int, seed: int) -> int:
+    from interpose.evaluate.run import evaluate_lafan1
+
+    folder = Path(out)
+    evaluate_lafan1(
+        Path(data),
+        methods.split(","),
+        folder,
+        context_frames=context,
+        seed=seed,
+        model=model,
+        progress=lambda message: print(message, file=sys.stderr, flush=True),
+    )
+    print((folder / "results.md").read_text(encoding="utf-8"), end="")
+    print(f"wrote {folder}", file=sys.stderr)
+    return 0
+
+
+def _of_extra(name: str) -> ModuleType:
+    """A module that needs the extra `train`; InputError where the extra is not installed."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in _EXTRA:
+            raise InputError(f"{error.name} is not installed; pip install 'interpose[train]' brings it") from None
+        raise

@@ -1,0 +1,230 @@
+"""One gap and all gaps of a clip, on rigs of several kinds and rates. The model is a stand-in with a known answer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interpose import retarget, rotation
+from interpose.errors import InputError
+from interpose.motion import Motion
+from interpose.runtime import inbetween as module
+from interpose.runtime.inbetween import Request, fill, foot_slide, inbetween, mapping_of
+from interpose.runtime.session import Session
+from interpose.skeleton import HUMANOID, Skeleton
+
+RATES = [24.0, 25.0, 30000 / 1001, 30.0, 50.0, 60.0, 120.0]
+
+
+def stand_in(method="dcmoe"):
+    """A session whose network is never made: the roll-out is replaced."""
+    info = {"name": "stand-in", "method": method, "styles": ["Angry", "Old"], "absolute": False}
+    return Session(Path("nowhere"), info)
+
+
+def walk(frames, rate, skeleton=HUMANOID):
+    """A smooth motion with its toes near the floor, on the humanoid or a rig that has its joints."""
+    times = np.arange(frames) / rate
+    root = np.stack([0.1 * np.sin(times), 0.93 + 0.02 * np.cos(6.0 * times), 1.3 * times], axis=-1)
+    axes = np.random.default_rng(3).normal(size=(len(skeleton), 3))
+    angles = 0.25 * np.sin(5.0 * times[:, None] + np.arange(len(skeleton)))
+    axes[[name == "World" for name in skeleton.names]] = 0.0
+    return Motion(skeleton, root, rotation.from_rotation_vector(angles[..., None] * axes), rate)
+
+
+def fingered():
+    """The humanoid with a finger and a prop above the hips: joints that no model knows."""
+    names = ("World", *HUMANOID.names, "LeftFinger")
+    parents = (-1, *(p + 1 for p in HUMANOID.parents), HUMANOID.index("LeftHand") + 1)
+    offsets = np.concatenate([np.zeros((1, 3)), HUMANOID.offsets, [[0.1, 0.0, 0.0]]])
+    return Skeleton(names, parents, offsets)
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """Requests that the stand-in got: SLERP and a straight line, lifted in the middle by 10 cm for each variant."""
+    asked = []
+
+    def generate_batch(session, start_root, start_local, target_root, target_local, frames, style=None, seed=0, vary=False):
+        asked.append({"context": start_root.shape[1], "frames": frames, "style": style, "seed": seed, "vary": vary})
+        t = (np.arange(1, frames + 1) / (frames + 1))[:, None]
+        lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(start_root))[:, None, None]
+        root = (1 - t) * start_root[:, -1:] + t * target_root[:, None] + lift
+        local = rotation.slerp(start_local[:, -1:], target_local[:, None], t)
+        return root, local, np.zeros((len(start_root), frames, 4))
+
+    monkeypatch.setattr("interpose.runtime.rollout.generate_batch", generate_batch)
+    return asked
+
+
+MODEL = Request("dcmoe", stand_in())
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("frames", [1, 3, 44, 600])
+def test_a_gap_gets_its_frames_at_the_users_rate(served, rate, frames):
+    clip = walk(frames + 2, rate)
+    (candidate,) = inbetween(clip[0], clip[-1], frames, MODEL)
+    assert len(candidate.motion) == frames
+    assert candidate.motion.rate == rate
+    assert candidate.motion.skeleton == clip.skeleton
+    assert candidate.info.arrival_position_error_m < 1e-8
+    assert candidate.info.arrival_rotation_error_deg < 1e-5
+    lasts = (frames + 1) / rate
+    if lasts * 30.0 < 1.5:
+        assert candidate.info.fallback == "the gap is shorter than two of the model's frames (1/15 s)"
+        assert candidate.info.method == "interp"
+    else:
+        assert candidate.info.fallback is None
+        assert served[-1]["frames"] == round(lasts * 30.0) - 1 or lasts * 30.0 % 1 == 0.5
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("skeleton", [HUMANOID, fingered()], ids=["humanoid", "fingered"])
+def test_the_models_motion_comes_back_on_the_rig(served, rate, skeleton):
+    frames = 37
+    clip = walk(frames + 2, rate, skeleton)
+    (made,) = inbetween(clip[0], clip[-1], frames, MODEL)
+    (straight,) = inbetween(clip[0], clip[-1], frames, Request("interp"))
+    apart = np.linalg.norm(made.motion.global_positions() - straight.motion.global_positions(), axis=-1)
+    assert apart.max() < 0.005  # the stand-in interpolates too, but on another skeleton and at another rate
+
+
+def test_unmapped_joints_are_interpolated(served):
+    clip = walk(32, 60.0, fingered())
+    finger = clip.skeleton.index("LeftFinger")
+    (made,) = inbetween(clip[0], clip[-1], 30, MODEL)
+    (straight,) = inbetween(clip[0], clip[-1], 30, Request("interp"))
+    turn = rotation.multiply(
+        rotation.inverse(made.motion.local_rotations[:, finger]), straight.motion.local_rotations[:, finger]
+    )
+    assert np.degrees(rotation.angle(turn).max()) < 1e-4
+
+
+def test_the_best_candidate_comes_first(served):
+    clip = walk(62, 60.0)
+    candidates = inbetween(clip[0], clip[-1], 60, MODEL, variants=4)
+    heights = [c.motion.root_positions[30, 1] for c in candidates]
+    steps = [np.linalg.norm(np.diff(c.motion.root_positions, axis=0), axis=-1).max() for c in candidates]
+    assert len({round(h, 6) for h in heights}) == 4
+    costs = [module._judge([clip[0]], [c.motion], clip[-1], mapping_of(clip))[1][0] for c in candidates]
+    assert costs == sorted(costs)
+    assert max(steps) < 0.1
+
+
+def test_the_model_sees_where_the_motion_comes_from(served):
+    clip = walk(200, 60.0)
+    inbetween(clip[0], clip[100], 60, MODEL)
+    inbetween(clip[:3], clip[100], 60, MODEL)
+    inbetween(clip[:50], clip[100], 60, MODEL)
+    assert [asked["context"] for asked in served] == [1, 2, 10]
+
+
+def test_style_and_seed_reach_the_model(served):
+    clip = walk(40, 30.0)
+    (made,) = inbetween(clip[0], clip[-1], 38, Request("dcmoe", stand_in(), "Old", seed=5))
+    assert served == [{"context": 1, "frames": 38, "style": ["Old"], "seed": 5, "vary": True}]
+    assert (made.info.style, made.info.seed, made.info.path) == ("Old", 5, "auto")
+
+
+@pytest.mark.parametrize("rate", [24.0, 30.0, 60.0])
+def test_fill_keeps_keys_and_what_lies_outside_them(served, rate):
+    clip = walk(150, rate)
+    keys = (10, 40, 41, 42, 100, 120)
+    filled = fill(clip, keys, MODEL, variants=2)
+    assert len(filled) == 2
+    for one in filled:
+        kept = [*range(11), *keys, *range(120, 150)]
+        np.testing.assert_array_equal(one.motion.root_positions[kept], clip.root_positions[kept])
+        np.testing.assert_array_equal(one.motion.local_rotations[kept], clip.local_rotations[kept])
+        assert [(g.start, g.target, g.frames) for g in one.gaps] == [(10, 40, 29), (42, 100, 57), (100, 120, 19)]
+        assert len(one.motion) == 150
+    assert not np.array_equal(filled[0].motion.root_positions[60], filled[1].motion.root_positions[60])
+
+
+def test_fill_leaves_the_clip_alone_and_shows_each_gap_what_came_before(served):
+    clip = walk(150, 30.0)
+    before = clip.root_positions.copy(), clip.local_rotations.copy()
+    fill(clip, (0, 2, 30, 31, 32, 60), MODEL)
+    np.testing.assert_array_equal(clip.root_positions, before[0])
+    np.testing.assert_array_equal(clip.local_rotations, before[1])
+    assert [asked["context"] for asked in served] == [1, 3, 10]
+
+
+def test_fill_keeps_animated_joint_positions(served):
+    rig = fingered()
+    clip = walk(40, 30.0, rig)
+    moved = np.repeat(rig.offsets[None], 40, axis=0)
+    moved[:, 0] = clip.root_positions
+    moved[:, -1, 0] = np.linspace(0.1, 0.3, 40)
+    moved[5, -1, 0] = 0.7
+    (filled,) = fill(replace(clip, translations=moved), (0, 39), MODEL)
+    assert filled.motion.translations is not None
+    np.testing.assert_allclose(filled.motion.translations[:, -1, 0], np.linspace(0.1, 0.3, 40), atol=1e-9)
+
+
+def test_a_rig_that_is_no_humanoid_is_interpolated_and_told_why(served):
+    arm = Skeleton(("base", "elbow", "tip"), (-1, 0, 1), np.array([[0.0, 0, 0], [0, 1, 0], [0, 1, 0]]))
+    clip = walk(20, 30.0, arm)
+    (made,) = inbetween(clip[0], clip[-1], 18, MODEL)
+    assert made.info.method == "interp"
+    assert made.info.fallback is not None
+    assert "no humanoid" in made.info.fallback
+    assert made.info.foot_slide_cm_per_frame is None
+    assert served == []
+    (plain,) = inbetween(clip[0], clip[-1], 18, Request("interp"))
+    assert plain.info.fallback is None
+    np.testing.assert_array_equal(plain.motion.local_rotations, made.motion.local_rotations)
+
+
+def test_a_gap_too_long_for_the_model_is_interpolated(served):
+    clip = walk(2, 30.0)
+    (made,) = inbetween(clip[0], clip[-1], 601, MODEL)
+    assert made.info.fallback == "the gap is longer than 600 frames"
+    assert len(made.motion) == 601
+
+
+def test_a_model_of_another_method_does_not_serve(served):
+    clip = walk(40, 30.0)
+    (made,) = inbetween(clip[0], clip[-1], 38, Request("dcmoe", stand_in("stitch")))
+    assert made.info.fallback == "the model 'stand-in' is for method stitch"
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda: Request("magic"), "unknown method 'magic'; there are dcmoe, interp"),
+        (lambda: Request("dcmoe"), "needs a model"),
+        (lambda: Request("dcmoe", stand_in(), "Sad"), "no style 'Sad'; it has Angry, Old"),
+        (lambda: Request("interp", None, "Angry"), "interpolation has no styles"),
+        (lambda: Request("interp", path="straight"), "path 'straight' cannot be followed"),
+        (lambda: Request("interp", seed=-1), "seed must be 0 or more"),
+        (lambda: fill(walk(9, 30.0), (0, 1, 2), Request("interp")), "leave no frame to fill"),
+        (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), 0, Request("interp")), "got 0"),
+        (lambda: inbetween(walk(1, 30.0), walk(1, 30.0, fingered()), 5, Request("interp")), "share one skeleton"),
+    ],
+)
+def test_what_cannot_be_had_is_refused(ask, said):
+    with pytest.raises(InputError, match=said):
+        ask()
+
+
+def test_foot_slide_is_the_weighted_travel_of_low_toes():
+    toes = np.zeros((3, 2, 3))
+    toes[:, 0, 0] = [0.0, 0.01, 0.02]  # on the floor, 1 cm a frame
+    toes[:, 1, 1] = 0.1  # in the air
+    assert foot_slide(toes, 30.0) == pytest.approx(1.0)
+    assert foot_slide(toes, 60.0) == pytest.approx(2.0)
+    toes[:, 0, 1] = 0.0125
+    assert foot_slide(toes, 30.0) == pytest.approx(2.0 - 2.0**0.5)
+    toes[:, 0, 1] = 0.2
+    assert foot_slide(toes, 30.0) == 0.0
+
+
+def test_the_mapping_can_be_found_once_for_a_clip(served, monkeypatch):
+    clip = walk(80, 30.0)
+    mapping = retarget.plan(clip)
+    monkeypatch.setattr(retarget, "plan", lambda motion: pytest.fail("the mapping was planned again"))
+    (made,) = inbetween(clip[0], clip[40], 39, MODEL, mapping=mapping)
+    assert made.info.fallback is None
