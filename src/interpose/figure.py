@@ -197,10 +197,22 @@ class _Body:
 
 
 def _humanoid(source: Skeleton | Motion) -> _Body | None:
-    """None where the skeleton is no humanoid."""
+    """None where the skeleton is no humanoid, or where much of it (more legs, a tail) has no counterpart in one."""
     try:
         found = mapping.plan(source)
     except InputError:
+        return None
+    parents, lengths = found.skeleton.parents, np.linalg.norm(found.skeleton.offsets, axis=1)
+    drawn = {j for j in found.joints if j is not None}
+    for joint in range(len(parents) - 1, 0, -1):  # what leads to a joint of the humanoid
+        if joint in drawn:
+            drawn.add(parents[joint])
+    ends = {j for n, j in zip(HUMANOID.names, found.joints, strict=True) if n.endswith(("Head", "Hand", "Foot", "Toe"))}
+    for joint in range(1, len(parents)):  # fingers, toes and what hangs on the head
+        if parents[joint] in ends:
+            ends.add(joint)
+    spare = sum(lengths[j] for j in range(1, len(parents)) if j not in drawn | ends)
+    if spare > 0.4 * lengths[1:].sum():
         return None
     joints = {n: j for n, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
     frames = dict(zip(HUMANOID.names, rotation.inverse(found.rest_global), strict=True))
@@ -298,9 +310,7 @@ def _toes(s: float, detail: int) -> tuple[ndarray, ndarray]:
     return _sole(np.zeros_like(at), -SOLE * s, s * (-0.012 + 0.088 * at), wide, tall, detail)
 
 
-def _sole(
-    x: ndarray, sole: float, z: ndarray, wide: ndarray, tall: ndarray, detail: int
-) -> tuple[ndarray, ndarray]:
+def _sole(x: ndarray, sole: float, z: ndarray, wide: ndarray, tall: ndarray, detail: int) -> tuple[ndarray, ndarray]:
     """A loft along Z that stands on the plane y = ``sole``."""
     centres = np.stack([np.broadcast_to(x, z.shape), sole + tall / 2, z], axis=1)
     return loft(centres, _X, _Y, np.stack([wide, tall / 2], axis=1), 4 * detail, roundness=0.62)

@@ -7,7 +7,7 @@ joint. glTF's units and axes are those of this package: metres, Y up, quaternion
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 
@@ -30,14 +30,22 @@ MATERIALS = {
 """Name and linear base colour of each side of the figure."""
 
 
-def write(path: str | PathLike[str], motions: Motion | Mapping[str, Motion], detail: int = 4) -> None:
-    """Writes one motion, or several of one skeleton by name, as a .glb file.
+def write(
+    path: str | PathLike[str], motions: Motion | Sequence[Motion] | Mapping[str, Motion], detail: int = 4
+) -> None:
+    """Writes one motion, or several of one skeleton, as a .glb file.
 
+    A mapping gives the animations their names; without one they are "motion", or "motion 1", "motion 2", and so on.
     The figure rests in the first motion's first pose. ``detail`` is a quarter of the vertices around a limb.
     Raises InputError for no motions, a motion without frames or with values that are not finite, motions of different
     skeletons, or an unwritable path.
     """
-    named = {"motion": motions} if isinstance(motions, Motion) else dict(motions)
+    if isinstance(motions, Motion):
+        named = {"motion": motions}
+    elif isinstance(motions, Mapping):
+        named = dict(motions)
+    else:
+        named = {f"motion {k}" if len(motions) > 1 else "motion": m for k, m in enumerate(motions, start=1)}
     write_whole(path, encode(named, detail))
 
 
@@ -79,9 +87,7 @@ class _Document:
         self.data.extend(b"\0" * (-len(self.data) % 4))
         start, raw = len(self.data), np.ascontiguousarray(array).tobytes()
         self.data.extend(raw)
-        self.content.bufferViews.append(
-            gltf.BufferView(buffer=0, byteOffset=start, byteLength=len(raw), target=target)
-        )
+        self.content.bufferViews.append(gltf.BufferView(buffer=0, byteOffset=start, byteLength=len(raw), target=target))
         rows = array.reshape(len(array), -1)
         self.content.accessors.append(
             gltf.Accessor(
@@ -103,7 +109,12 @@ class _Document:
         return b"".join(self.content.save_to_bytes())
 
 
-_COMPONENTS = {"float32": gltf.FLOAT, "uint8": gltf.UNSIGNED_BYTE, "uint16": gltf.UNSIGNED_SHORT, "uint32": gltf.UNSIGNED_INT}
+_COMPONENTS = {
+    "float32": gltf.FLOAT,
+    "uint8": gltf.UNSIGNED_BYTE,
+    "uint16": gltf.UNSIGNED_SHORT,
+    "uint32": gltf.UNSIGNED_INT,
+}
 
 
 def _moved(motion: Motion) -> ndarray:
@@ -121,11 +132,11 @@ def _nodes(motion: Motion) -> list[gltf.Node]:
     places[0] = motion.root_positions[0]
     turned = _unit(motion.local_rotations[0])
     nodes = [
-        gltf.Node(name=name, translation=place.tolist(), rotation=turn.tolist(), children=[])
+        gltf.Node(name=name, translation=place.tolist(), rotation=turn.tolist())
         for name, place, turn in zip(skeleton.names, places.astype(np.float32), turned, strict=True)
     ]
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        nodes[parent].children.append(joint)
+    for parent, node in enumerate(nodes):
+        node.children = [joint for joint, p in enumerate(skeleton.parents) if p == parent]
     return nodes
 
 

@@ -71,7 +71,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
         hips = found.joints[HIPS] or 0
         facing = root.facing(human)
         joints = contacts.detect(human, motion.rate)
-        down = joints.reshape(-1, 2, 2).any(axis=2)
+        down = np.stack([joints[:, :2].any(axis=1), joints[:, 2:].any(axis=1)], axis=1)
     lowest = float(np.percentile(positions[..., 1].min(axis=1), 5)) - SOLE
     floor = 0.0 if abs(lowest) < 0.10 else lowest
     track = positions[:, hips][:, [0, 2]]

@@ -74,7 +74,10 @@ class Camera:
 
 
 def look(
-    heading: Float[ndarray, "3"], centre: Float[ndarray, "3"], origin: tuple[float, float], scale: float,
+    heading: Float[ndarray, "3"],
+    centre: Float[ndarray, "3"],
+    origin: tuple[float, float],
+    scale: float,
     elevation: float = 0.26,
 ) -> Camera:
     """The camera that sees ``heading`` (a horizontal direction) as screen right, from ``elevation`` radians above."""
@@ -115,10 +118,10 @@ def draw_floor(image: Image.Image, camera: Camera, height: float, spacing: float
     reach = 1.5 * max(width, tall) / camera.scale
     lines = Image.new("L", (width * SUPERSAMPLING, tall * SUPERSAMPLING), 0)
     draw = ImageDraw.Draw(lines)
-    middle = np.round(camera.centre / spacing) * spacing
+    middle = np.round(camera.centre / spacing) * spacing * [1.0, 0.0, 1.0] + height * _UP
     for step in np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing:
         for a, b in (((step, -reach), (step, reach)), ((-reach, step), (reach, step))):
-            ends = np.array([[a[0], 0.0, a[1]], [b[0], 0.0, b[1]]]) + [middle[0], height, middle[2]]
+            ends = np.array([[a[0], 0.0, a[1]], [b[0], 0.0, b[1]]]) + middle
             draw.line([tuple(p) for p in fine.project(ends)[:, :2].tolist()], fill=150, width=SUPERSAMPLING + 1)
     lines = lines.resize(image.size, Image.Resampling.BOX)
     image.paste((190, 184, 172), (0, 0), ImageChops.multiply(lines, fade))
@@ -210,7 +213,8 @@ def _rasterise(
             area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
             wb = ((px - a[:, 0]) * (c[:, 1] - a[:, 1]) - (py - a[:, 1]) * (c[:, 0] - a[:, 0])) / area
             wc = ((b[:, 0] - a[:, 0]) * (py - a[:, 1]) - (b[:, 1] - a[:, 1]) * (px - a[:, 0])) / area
-            hit = np.flatnonzero((wb >= 0) & (wc >= 0) & (wb + wc <= 1) & (x >= 0) & (x < width) & (y >= 0) & (y < tall))
+            shown = (x >= 0) & (x < width) & (y >= 0) & (y < tall)
+            hit = np.flatnonzero((wb >= 0) & (wc >= 0) & (wb + wc <= 1) & shown)
             which = part[hit // (side * side)]
             second, third = wb.ravel()[hit], wc.ravel()[hit]
             pixel = (low[which, 1] + hit // side % side) * width + low[which, 0] + hit % side

@@ -204,7 +204,12 @@ def _map(
 
 
 def text(
-    draw: ImageDraw.ImageDraw, at: tuple[float, float], words: str, size: int, colour: Colour, anchor: str = "la",
+    draw: ImageDraw.ImageDraw,
+    at: tuple[float, float],
+    words: str,
+    size: int,
+    colour: Colour,
+    anchor: str = "la",
     bold: bool = False,
 ) -> None:
     """Words in Pillow's own font. Bold is the same letter twice, a fraction of a pixel apart."""
