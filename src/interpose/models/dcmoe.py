@@ -32,6 +32,7 @@ from interpose.features import (
     HISTORY,
     JOINTS,
     KEY_STEP,
+    KEYS,
     LONGEST,
     RATE,
     SIDE_KEYS,
@@ -39,6 +40,8 @@ from interpose.features import (
 )
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 
+BANK = 256
+"""Phase windows kept with the model."""
 HIPS_SCALE = 0.02
 ROTATION_SCALE = 0.08
 """What one unit of the network's residual means: metres for the hips, 6-D for the joints."""
@@ -153,6 +156,7 @@ class DCMoE(nn.Module):
     std: Tensor
     out_mean: Tensor
     out_std: Tensor
+    phase_bank: Tensor
 
     def __init__(self, size: Size) -> None:
         super().__init__()
@@ -166,12 +170,13 @@ class DCMoE(nn.Module):
         self.register_buffer("std", torch.ones(EXPERT_INPUT.width))
         self.register_buffer("out_mean", torch.zeros(self.layout.width))
         self.register_buffer("out_std", torch.ones(self.layout.width))
+        self.register_buffer("phase_bank", torch.zeros(BANK, KEYS, CHANNELS, 2))  # real windows, to begin variants in
 
     def features(
         self, state: State, control: Control
     ) -> tuple[Float[Tensor, "batch wide"], Float[Tensor, "batch pose"], Float[Tensor, "batch 3 3"], Float[Tensor, "batch 3"]]:
         """The experts' input before normalisation; the pose that the base leads to (world); the root frame and origin."""
-        batch = len(state.hips)
+        batch = state.hips.shape[0]  # len() would fix the batch when exported
         frame = root_frame(facing(to_matrix(state.rotations[:, 0])))
         origin = state.hips * state.hips.new_tensor([1.0, 0.0, 1.0])
         k = control.frames_left
@@ -209,7 +214,7 @@ class DCMoE(nn.Module):
         past = torch.cat([past, velocity], dim=-1)
         both = torch.cat([past, control.path], dim=1)
         centre = torch.cat([origin[:, ::2], torch.zeros_like(origin[:, :2]), torch.zeros_like(origin[:, :2])], dim=-1)
-        both = ((both - centre[:, None]).reshape(len(both), -1, 2) @ ground).reshape(len(both), both.shape[1], 6)
+        both = ((both - centre[:, None]).reshape(both.shape[0], -1, 2) @ ground).reshape(both.shape)
         future = both[:, SIDE_KEYS + 1 :] * control.path_known[:, :, None]
         return torch.cat([both[:, : SIDE_KEYS + 1], future], dim=1).flatten(1)
 
@@ -233,7 +238,7 @@ class DCMoE(nn.Module):
     def _advance(
         self, state: State, control: Control, led: Tensor, frame: Tensor, origin: Tensor, out: Tensor
     ) -> tuple[State, Prediction]:
-        batch = len(out)
+        batch = out.shape[0]
         part = dict(zip((n for n, _ in self.layout.blocks), out.split(self.layout.sizes(), dim=-1), strict=True))
         back = frame.transpose(-1, -2)
         turned = part["rotation"].reshape(batch, -1, 3) @ back

@@ -20,8 +20,8 @@ from torch import Tensor
 from interpose.data import database
 from interpose.data.database import Database
 from interpose.errors import InputError
-from interpose.features import EXPERT_INPUT, JOINTS
-from interpose.models.dcmoe import HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
+from interpose.features import EXPERT_INPUT, JOINTS, KEY_STEP, SIDE_KEYS
+from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
 from interpose.train.sequences import (
     Frames,
@@ -269,6 +269,11 @@ def set_statistics(model: DCMoE, data: Frames, config: Config, generator: torch.
             flat = measured[name].flatten(1)
             model.out_mean[block] = flat.mean(dim=0)
             model.out_std[block] = flat.std(dim=0).clamp_min(1e-2)
+    centre = data.first + KEY_STEP * SIDE_KEYS
+    able = torch.nonzero((torch.arange(len(data), device=centre.device) >= centre) & (data.last >= centre))[:, 0]
+    chosen = able[torch.randint(len(able), (BANK, 1), generator=generator, device=able.device)]
+    keys = KEY_STEP * torch.arange(-SIDE_KEYS, SIDE_KEYS + 1, device=able.device)
+    model.phase_bank.copy_(data.phases[torch.minimum(chosen + keys, data.last[chosen])][..., :2])
 
 
 def _stage(config: Config, step: int) -> Stage:

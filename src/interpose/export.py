@@ -1,0 +1,203 @@
+"""A training run to a model folder: the step as ONNX, its weights in half precision, checked against torch.
+
+`model.json` tells what the model is; the format is described in docs/model-format.md.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+import warnings
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+from interpose.errors import InputError
+from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST, RATE, SIDE_KEYS, control_shapes, output_layout, state_shapes
+from interpose.models.dcmoe import Control, DCMoE, Size, State
+from interpose.runtime.session import FORMAT
+from interpose.skeleton import HUMANOID
+from interpose.train import checkpoint
+
+OPSET = 18
+CARRIED = [name for name in state_shapes() if name != "velocity_known"]
+"""The state that comes out of a step; the velocity is always known then."""
+TOLERANCE = 2e-3
+"""Largest difference allowed between ONNX with half-precision weights and torch, metres and 6-D units, in one step."""
+
+
+class Step(nn.Module):
+    """The step with flat inputs and outputs, in the order of the layout; contacts as probabilities, the root it foresees
+    in the world."""
+
+    def __init__(self, model: DCMoE) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+        count = len(State._fields)
+        after, said = self.model(State(*tensors[:count]), Control(*tensors[count:]))
+        back = said.frame[:, ::2, ::2].transpose(-1, -2)
+        future = (said.trajectory[:, 1:].flatten(1).unflatten(1, (-1, 2)) @ back).flatten(1).unflatten(1, (SIDE_KEYS, 6))
+        origin = torch.cat([said.origin[:, ::2], torch.zeros_like(said.origin), torch.zeros_like(said.origin[:, :1])], -1)
+        carried = (value for name, value in after._asdict().items() if name in CARRIED)
+        return (*carried, said.contacts[:, 0].sigmoid(), future + origin[:, None])
+
+
+def export(run_dir: Path, out: Path, *, name: str | None = None, metrics: dict[str, Any] | None = None) -> Path:
+    """Writes the model folder ``out`` from the newest checkpoint (its moving average where it keeps one); whole or not.
+
+    Raises InputError where ``run_dir`` holds no DC-MoE run, where ``out`` is there and is no model folder, and where
+    ONNX Runtime does not give what torch gives.
+    """
+    saved = checkpoint.load(run_dir)
+    if saved is None or "experts" not in saved["config"]:
+        raise InputError(f"{run_dir}: no checkpoint of a DC-MoE training is there; give the folder of 'interpose train'")
+    if out.exists() and not (out / "model.json").exists():
+        raise InputError(f"{out} is there and is no model folder; give another name")
+    model = model_of(saved)
+    config = saved["config"]
+    info = {
+        "format": FORMAT,
+        "name": name or out.name,
+        "method": "dcmoe",
+        "version": "0.1.0",
+        "made": date.today().isoformat(),
+        "preset": config["preset"],
+        "steps": saved["step"],
+        "absolute": config["absolute"],
+        "styles": config["styles"],
+        "rate": RATE,
+        "skeleton": {
+            "names": HUMANOID.names,
+            "parents": HUMANOID.parents,
+            "offsets": np.round(HUMANOID.offsets, 6).tolist(),
+        },
+        "network": {"experts": config["experts"], "hidden": config["hidden"], "gate": config["gate"]},
+        "parameters": sum(p.numel() for p in model.parameters()),
+        "layout": {
+            "experts": dict(EXPERT_INPUT.blocks),
+            "gate": dict(GATE_INPUT.blocks),
+            "output": dict(output_layout(config["absolute"]).blocks),
+        },
+        "limits": {"trained_frames_to_target": LONGEST},
+        "training_data": config["databases"],
+        "licence": licence(config["licence"]),
+        "metrics": metrics or {},
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as folder:
+        made = Path(folder) / "model"
+        made.mkdir()
+        info["onnx_difference"] = write_step(model, made / "step.onnx")
+        bank = model.phase_bank.numpy().astype(np.float16)
+        if np.any(bank):
+            np.save(made / "phases.npy", bank)
+        (made / "model.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+        if out.exists():
+            shutil.rmtree(out)
+        made.replace(out)
+    return out
+
+
+def licence(data: str) -> str:
+    """What the weights may be used for, from the licences of the data they were trained on."""
+    if "NC" in data:
+        return f"non-commercial research only (trained on data under {data})"
+    return f"MIT; trained on data under {data}, which asks for credit" if data else "unknown"
+
+
+def model_of(saved: dict[str, Any]) -> DCMoE:
+    """The network of a checkpoint, ready to run: the moving average of its weights where one was kept."""
+    config = saved["config"]
+    size = Size(config["experts"], config["hidden"], tuple(config["gate"]), config["absolute"], len(config["styles"]))
+    model = DCMoE(size)
+    weights = {k.removeprefix("module."): v for k, v in saved["ema"].items() if k.startswith("module.")}
+    model.load_state_dict(weights)
+    return model.eval()
+
+
+def example(styles: int, batch: int, seed: int = 0) -> dict[str, Tensor]:
+    """Inputs of plausible size, for tracing and for the check."""
+    generator = torch.Generator().manual_seed(seed)
+    out = {}
+    for name, shape in (state_shapes() | control_shapes(styles)).items():
+        out[name] = torch.randn(batch, *shape, generator=generator) * 0.3
+    for name in ("rotations", "target_rotations", "base", "base_next"):
+        flat = out[name][:, 3:] if name.startswith("base") else out[name]
+        flat += torch.tensor([1.0, 0, 0, 0, 1.0, 0]).repeat(flat[0].numel() // 6).view_as(flat[0])
+    out["frames_left"] = torch.randint(1, LONGEST, (batch, 1), generator=generator).float()
+    out["style"] = torch.nn.functional.one_hot(torch.arange(batch) % (styles + 1), styles + 1).float()
+    out["path_known"] = (torch.arange(batch)[:, None] % 2).float()
+    return out
+
+
+def write_step(model: DCMoE, path: Path) -> float:
+    """Writes the ONNX file and returns the largest difference from torch over a random batch of another size."""
+    step = Step(model).eval()
+    inputs = example(model.size.styles, 3)
+    outputs = [*(f"next_{name}" for name in CARRIED), "contacts", "next_path"]
+    batch = torch.export.Dim("batch", min=1, max=65536)
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            step,
+            tuple(inputs.values()),
+            input_names=list(inputs),
+            output_names=outputs,
+            dynamic_shapes=(tuple({0: batch} for _ in inputs),),
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    proto = halve(program.model_proto)
+    onnx.checker.check_model(proto)
+    onnx.save(proto, str(path))
+    return check(step, path)
+
+
+def check(step: Step, path: Path) -> float:
+    """The largest difference between the ONNX file and torch. Raises InputError where it exceeds :data:`TOLERANCE`."""
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    worst = 0.0
+    for batch in (1, 7):
+        inputs = example(step.model.size.styles, batch, seed=batch)
+        with torch.no_grad():
+            wanted = step(*inputs.values())
+        got = session.run(None, {k: v.numpy() for k, v in inputs.items()})
+        names = [o.name for o in session.get_outputs()]
+        for name, a, b in zip(names, wanted, got, strict=True):
+            scale = max(1.0, float(a.abs().max()))
+            apart = float((a - torch.from_numpy(np.asarray(b))).abs().max()) / scale
+            if not apart <= TOLERANCE:
+                raise InputError(f"{path}: ONNX Runtime's {name} differs from torch's by {apart:.2g}; do not use it")
+            worst = max(worst, apart)
+    return worst
+
+
+def halve(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
+    """The same model with its large weights stored in half precision and cast back when it is loaded."""
+    graph = model.graph
+    casts = []
+    for tensor in list(graph.initializer):
+        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < least:
+            continue
+        values = numpy_helper.to_array(tensor)
+        small = numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}.half")
+        graph.initializer.remove(tensor)
+        graph.initializer.append(small)
+        casts.append(helper.make_node("Cast", [small.name], [tensor.name], to=TensorProto.FLOAT, name=f"{tensor.name}.cast"))
+    nodes = list(graph.node)
+    del graph.node[:]
+    graph.node.extend(casts + nodes)
+    del graph.value_info[:]
+    return model

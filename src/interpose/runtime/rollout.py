@@ -1,0 +1,163 @@
+"""The autoregressive roll-out of DC-MoE: from one start pose, or a few frames, to a target (Chu and Yang 2024, section 3).
+
+Everything that a frame needs is in the ONNX step; here is only what surrounds it: the interpolation base between the two
+keys, the state of a start whose phase and velocity are unknown (its past clamped to it, phases of no amplitude), and the
+count of frames left. On the base the last step leads into the target exactly (see `interpose.models.dcmoe`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose import rotation
+from interpose import skeleton as kinematics
+from interpose.features import CHANNELS, CONTACTS, HISTORY, KEY_STEP, KEYS, RATE, SIDE_KEYS, state_shapes
+from interpose.runtime.session import Session
+from interpose.skeleton import HUMANOID
+
+PARENTS = HUMANOID.parents
+_UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A batch of poses as the step takes them. rotations: ``q_world_joint`` as 6-D. facing: of the hips, (x, z)."""
+
+    hips: Float[ndarray, "*batch 3"]
+    rotations: Float[ndarray, "*batch 22 6"]
+    positions: Float[ndarray, "*batch 22 3"]
+    facing: Float[ndarray, "*batch 2"]
+
+
+def pose_of(root: Float[ndarray, "*batch 3"], local: Float[ndarray, "*batch 22 4"]) -> Pose:
+    """Poses of :data:`~interpose.skeleton.HUMANOID` from hips positions and local rotations."""
+    world = kinematics.global_rotations(local, PARENTS)
+    positions = kinematics.global_positions(root, world, PARENTS, HUMANOID.offsets)
+    facing = rotation.rotate(rotation.twist(world[..., 0, :], _UP), _FORWARD)[..., ::2]
+    return Pose(root, rotation.to_6d(world), positions, facing)
+
+
+def interpolation(
+    start: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
+    target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
+    frames: int,
+) -> Float[ndarray, "batch time pose"]:
+    """The base A from start to target, both included (frames + 2): hips linear, local rotations SLERPed, as (hips, 6-D)."""
+    t = np.linspace(0.0, 1.0, frames + 2)
+    root = start[0][:, None] + t[:, None] * (target[0] - start[0])[:, None]
+    local = rotation.slerp(start[1][:, None], target[1][:, None], t[:, None])
+    six = rotation.to_6d(kinematics.global_rotations(local, PARENTS))
+    return np.concatenate([root, six.reshape(*six.shape[:2], -1)], axis=-1)
+
+
+def initial_state(context: Pose, phases: Float[ndarray, "batch 13 10 2"]) -> dict[str, ndarray]:
+    """The state at the last of the context frames (batch, frame, ...); before the first one the figure stands still."""
+    count, known = context.hips.shape[:2]
+    track = np.concatenate([context.hips[..., ::2], context.facing], axis=-1)
+    index = np.maximum(np.arange(known - HISTORY - 1, known), 0)
+    velocity = np.zeros_like(context.positions[:, -1])
+    if known > 1:
+        velocity = (context.positions[:, -1] - context.positions[:, -2]) * RATE
+    past = np.zeros((count, HISTORY, CHANNELS, 2))
+    past[:, ::KEY_STEP] = phases[:, : SIDE_KEYS + 1]
+    return {
+        "hips": context.hips[:, -1],
+        "rotations": context.rotations[:, -1],
+        "positions": context.positions[:, -1],
+        "velocities": velocity,
+        "velocity_known": np.full((count, 1), float(known > 1)),
+        "track": track[:, index],
+        "phase_past": past,
+        "phase_future": phases[:, SIDE_KEYS + 1 :],
+    }
+
+
+def initial_phases(session: Session, count: int, seed: int, vary: bool) -> Float[ndarray, "batch 13 10 2"]:
+    """Unknown phases (no amplitude), or with ``vary`` drawn for all rows but the first of seed 0: other gaits to begin in."""
+    phases = np.zeros((count, KEYS, CHANNELS, 2))
+    bank = session.phase_bank
+    if vary and len(bank):
+        for row in range(count):
+            if seed or row:
+                phases[row] = bank[np.random.default_rng((seed, row)).integers(len(bank))]
+    return phases
+
+
+def generate_batch(
+    session: Session,
+    start_root: Float[ndarray, "batch context 3"],
+    start_local: Float[ndarray, "batch context 22 4"],
+    target_root: Float[ndarray, "batch 3"],
+    target_local: Float[ndarray, "batch 22 4"],
+    frames: int,
+    style: list[str | None] | None = None,
+    seed: int = 0,
+    vary: bool = False,
+) -> tuple[
+    Float[ndarray, "batch {frames} 3"], Float[ndarray, "batch {frames} 22 4"], Float[ndarray, "batch {frames} 4"]
+]:
+    """The ``frames`` frames between start and target at 30 Hz: hips, local rotations, contact probabilities of the feet.
+
+    The last context frame is the start key. style: a label a row, None to leave it free. ``vary`` starts the rows in
+    different phases, so that they become variants of one another; otherwise the seed changes nothing.
+    Raises InputError for an unknown style.
+    """
+    count = len(start_root)
+    context = pose_of(start_root, start_local)
+    target = pose_of(target_root, target_local)
+    base = interpolation((start_root[:, -1], start_local[:, -1]), (target_root, target_local), frames).astype(np.float32)
+    state = initial_state(context, initial_phases(session, count, seed, vary))
+    state = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in state.items()}
+    fixed = steering(session, target, style or [None] * count)
+    hips, six, contacts = [], [], []
+    path = resting_path(context)
+    for step in range(frames):
+        moving = fixed | {
+            "base": base[:, step],
+            "base_next": base[:, step + 1],
+            "frames_left": np.full((count, 1), frames + 1 - step, dtype=np.float32),
+        }
+        if session.feeds_path_back:
+            moving["path"] = path
+        said = session.step(state | moving)
+        state = after(said)
+        path = said["next_path"]
+        hips.append(state["hips"])
+        six.append(state["rotations"])
+        contacts.append(said["contacts"])
+    if not frames:
+        return np.zeros((count, 0, 3)), np.zeros((count, 0, 22, 4)), np.zeros((count, 0, len(CONTACTS)))
+    world = rotation.from_6d(np.stack(six, axis=1).astype(float))
+    local = kinematics.local_rotations(world, PARENTS)
+    signed = np.concatenate([start_local[:, -1:], local], axis=1).swapaxes(0, 1)
+    local = rotation.continuous(signed).swapaxes(0, 1)[:, 1:]
+    return np.stack(hips, axis=1).astype(float), local, np.stack(contacts, axis=1).astype(float)
+
+
+def after(said: dict[str, ndarray]) -> dict[str, ndarray]:
+    """The state that a step leaves, of which the velocity is known."""
+    state = {name: said[f"next_{name}"] for name in state_shapes() if name != "velocity_known"}
+    return state | {"velocity_known": np.ones((len(state["hips"]), 1), dtype=np.float32)}
+
+
+def steering(session: Session, target: Pose, style: list[str | None]) -> dict[str, ndarray]:
+    """What stays the same through a gap: the target, the styles, no path."""
+    count = len(style)
+    return {
+        "target_hips": target.hips.astype(np.float32),
+        "target_rotations": target.rotations.astype(np.float32),
+        "target_positions": target.positions.astype(np.float32),
+        "style": session.style_weights(style),
+        "path": np.zeros((count, SIDE_KEYS, 6), dtype=np.float32),
+        "path_known": np.full((count, 1), float(session.feeds_path_back), dtype=np.float32),
+    }
+
+
+def resting_path(context: Pose) -> Float[ndarray, "batch 6 6"]:
+    """Future root keys of a figure that stays where it is: what a network that is fed its own prediction begins with."""
+    key = np.concatenate([context.hips[:, -1, ::2], context.facing[:, -1], np.zeros((len(context.hips), 2))], axis=-1)
+    return np.repeat(key[:, None], SIDE_KEYS, axis=1).astype(np.float32)

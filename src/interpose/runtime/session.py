@@ -1,0 +1,133 @@
+"""Model folders and the ONNX Runtime session that runs their step; see docs/model-format.md.
+
+A folder holds `model.json` and `step.onnx`: one frame of the roll-out, features, normalisation, network and geometry
+inside, tensors named as in `interpose.features.state_shapes` and `control_shapes`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.features import control_shapes, state_shapes
+
+INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
+DEFAULT = "default"
+FORMAT = 1
+"""Version of the folder's layout."""
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A model, ready to run. ``info`` is its `model.json`. Calls may come from several threads."""
+
+    path: Path
+    info: dict[str, Any]
+    threads: int = 1
+
+    @property
+    def name(self) -> str:
+        return str(self.info["name"])
+
+    @property
+    def method(self) -> str:
+        return str(self.info["method"])
+
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """The labels that it was trained with."""
+        return tuple(self.info["styles"])
+
+    @property
+    def feeds_path_back(self) -> bool:
+        """Whether the network expects its own predicted root as the path where none is given (the paper's form)."""
+        return bool(self.info["absolute"])
+
+    @cached_property
+    def network(self) -> onnxruntime.InferenceSession:
+        """The step as an ONNX Runtime session, made at first use."""
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = self.threads
+        options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        file = self.path / "step.onnx"
+        try:
+            made = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # ONNX Runtime raises types of its own for each way in which a file can be bad
+            raise InputError(f"{file} cannot be loaded ({str(error).splitlines()[0]}); export the model again") from None
+        wanted = set(state_shapes()) | set(control_shapes(len(self.styles)))
+        given = {i.name for i in made.get_inputs()}
+        if wanted != given:
+            raise InputError(f"{file} takes {sorted(given ^ wanted)} otherwise than this program; export it again")
+        return made
+
+    @cached_property
+    def phase_bank(self) -> Float[ndarray, "sample 13 10 2"]:
+        """Phase windows to start from where a variant is wanted; empty where the model has none."""
+        file = self.path / "phases.npy"
+        if not file.exists():
+            return np.zeros((0, 13, 10, 2))
+        return np.load(file).astype(float)
+
+    @cached_property
+    def outputs(self) -> list[str]:
+        """Names of the step's outputs, in order."""
+        return [o.name for o in self.network.get_outputs()]
+
+    def step(self, feed: dict[str, ndarray]) -> dict[str, ndarray]:
+        """Runs one frame: state and control in, by name, float32 with a batch axis; ``next_*`` and contacts out."""
+        return dict(zip(self.outputs, self.network.run(None, feed), strict=True))
+
+    def style_weights(self, styles: list[str | None]) -> Float[ndarray, "batch style"]:
+        """A row of weights over (free, style 1, ...) for each label. Raises InputError for an unknown one."""
+        weights = np.zeros((len(styles), len(self.styles) + 1), dtype=np.float32)
+        for row, style in enumerate(styles):
+            if style is not None and style not in self.styles:
+                known = ", ".join(self.styles) or "none"
+                raise InputError(f"the model '{self.name}' has no style '{style}'; it has {known}")
+            weights[row, 0 if style is None else self.styles.index(style) + 1] = 1.0
+        return weights
+
+
+def installed() -> list[Path]:
+    """The folders of the models that came with the package, the default one first."""
+    found = sorted(p.parent for p in INSTALLED.glob("*/model.json"))
+    return sorted(found, key=lambda p: p.name != DEFAULT)
+
+
+def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Session:
+    """The default model, an installed one by name, or one from a folder. Raises InputError where there is none."""
+    path = _folder(name)
+    file = path / "model.json"
+    try:
+        info = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file} cannot be read ({error}); give a folder made by 'interpose export'") from None
+    missing = [k for k in ("format", "name", "method", "styles", "licence", "absolute") if k not in info]
+    if missing:
+        raise InputError(f"{file} lacks {', '.join(missing)}; export the model again")
+    if info["format"] != FORMAT:
+        raise InputError(f"{file} has format {info['format']}, this program needs {FORMAT}; export the model again")
+    return Session(path, info, threads)
+
+
+def _folder(name: str | os.PathLike[str] | None) -> Path:
+    if name is None:
+        name = DEFAULT
+    by_name = {p.name: p for p in installed()}
+    if str(name) in by_name:
+        return by_name[str(name)]
+    path = Path(name)
+    if (path / "model.json").exists():
+        return path
+    raise InputError(f"no model '{name}': installed are {', '.join(by_name) or 'none'}, and it is no model folder")
