@@ -37,7 +37,7 @@ Frame Time: 0.033333
 
 @pytest.fixture
 def two_joints() -> str:
-    """Two joints, two frames, 9 channels; line 18 is the first row."""
+    """Two joints, two frames, 9 channels; line 19 is the first row."""
     return TWO_JOINTS
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass, field
 from typing import NoReturn
@@ -35,11 +34,10 @@ class Hierarchy:
 
 @dataclass(frozen=True)
 class Header:
-    """The hierarchy, the declared frames and seconds a frame, and where their texts and the numbers lie in the file."""
+    """The hierarchy, the declared number of frames, and where that number and the frame time stand in the file."""
 
     hierarchy: Hierarchy
     frames: int
-    frame_time: float
     frames_span: tuple[int, int]
     frame_time_span: tuple[int, int]
     encoding: str
@@ -48,15 +46,15 @@ class Header:
 class Source:
     """A file's bytes with its name, to say where something is wrong."""
 
-    def __init__(self, path: str | os.PathLike[str], data: bytes) -> None:
-        self.path = path
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name = name
         self.data = data
         self.newline = "\r" if b"\r" in data and b"\n" not in data else "\n"
 
     def fail(self, position: int, what: str) -> NoReturn:
         """Raises InputError with the line that ``position`` lies in."""
         line = self.data.count(self.newline.encode(), 0, position) + 1
-        raise InputError(f"{self.path}: line {line}: {what}")
+        raise InputError(f"{self.name}: line {line}: {what}")
 
 
 def shown(text: bytes) -> str:
@@ -83,111 +81,130 @@ def parse_header(source: Source) -> Header:
     seconds = parse_number(source, time[1], time.start(1))
     if not 1e-5 <= seconds <= 100.0:
         source.fail(time.start(1), f"the frame time {shown(time[1])} must be from 0.00001 to 100 seconds")
-    return Header(hierarchy, int(frames[1]), seconds, frames.span(1), time.span(1), encoding)
+    return Header(hierarchy, int(frames[1]), frames.span(1), time.span(1), encoding)
+
+
+class _Tokens:
+    """The words, braces and joint lines of the hierarchy, one after the other."""
+
+    def __init__(self, source: Source, start: int) -> None:
+        self.source = source
+        self.position = start
+        self._matches = _TOKEN.finditer(source.data, start)
+
+    def take(self, expected: str) -> bytes:
+        """The next token; ``position`` is then where it starts."""
+        match = next(self._matches, None)
+        if match is None:
+            end = len(self.source.data.rstrip())
+            self.source.fail(end, f"the file ends where {expected} must follow, it is cut short")
+        self.position = match.start()
+        return match[0]
+
+    def expect(self, token: bytes, complaint: str) -> None:
+        """Takes ``token``, in any case."""
+        if self.take(shown(token)).upper() != token:
+            self.fail(complaint)
+
+    def vector(self) -> tuple[float, ...]:
+        """The three numbers of an OFFSET."""
+        return tuple(parse_number(self.source, self.take("OFFSET's three numbers"), self.position) for _ in range(3))
+
+    def fail(self, what: str) -> NoReturn:
+        """Raises InputError at the token taken last."""
+        self.source.fail(self.position, what)
 
 
 def _parse_hierarchy(source: Source, start: int) -> tuple[Hierarchy, int, str]:
-    tokens = _TOKEN.finditer(source.data, start)
-    position = start
-
-    def take(expected: str) -> bytes:
-        nonlocal position
-        token = next(tokens, None)
-        if token is None:
-            source.fail(len(source.data.rstrip()), f"the file ends where {expected} must follow, it is cut short")
-        position = token.start()
-        return token[0]
-
-    def numbers(keyword: str) -> tuple[float, ...]:
-        return tuple(parse_number(source, take(f"{keyword}'s three numbers"), position) for _ in range(3))
-
-    if (word := take("HIERARCHY")).upper() != b"HIERARCHY":
-        source.fail(position, f"a BVH file starts with HIERARCHY, this one with {shown(word)}")
+    # Where the MOTION keyword ends and the text's encoding come along.
+    tokens = _Tokens(source, start)
+    if (first := tokens.take("HIERARCHY")).upper() != b"HIERARCHY":
+        tokens.fail(f"a BVH file starts with HIERARCHY, this one with {shown(first)}")
     out = Hierarchy()
     index: dict[bytes, int] = {}
     opened: list[int] = []
     while True:
-        token = take("the hierarchy's next line" if opened or not out.names else "MOTION")
+        token = tokens.take("the hierarchy's next line" if opened or not index else "MOTION")
         word = token.split(maxsplit=1)[0].upper()
         if word in (b"ROOT", b"JOINT"):
             name = token[len(word) :].strip()
-            _check_joint(source, position, word, name, index, opened)
-            index[name] = len(index)
-            out.names.append("")
+            _check_joint(tokens, word, name, index, opened)
+            tokens.expect(b"{", f"'{{' must follow the joint's name {shown(name)}")
             out.parents.append(opened[-1] if opened else -1)
             out.offsets.append(None)
             out.channels.append(())
-            if take("'{'") != b"{":
-                source.fail(position, f"'{{' must follow the joint's name {shown(name)}")
-            opened.append(len(index) - 1)
-        elif word == b"MOTION" and not opened and out.names:
+            opened.append(len(index))
+            index[name] = len(index)
+        elif word == b"MOTION" and index and not opened:
             break
         elif not opened:
-            source.fail(position, f"{'MOTION' if out.names else 'ROOT'} expected, found {shown(token)}")
+            tokens.fail(f"{'MOTION' if index else 'ROOT'} expected, found {shown(token)}")
         elif word == b"MOTION":
-            source.fail(position, f"{len(opened)} '}}' missing before MOTION")
+            tokens.fail(f"{len(opened)} '}}' missing before MOTION")
         elif word == b"}":
-            if out.offsets[opened[-1]] is None:
-                source.fail(position, f"joint {shown(list(index)[opened[-1]])} has no OFFSET")
-            opened.pop()
+            joint = opened.pop()
+            if out.offsets[joint] is None:
+                tokens.fail(f"joint {shown(list(index)[joint])} has no OFFSET")
         elif word == b"OFFSET":
             if out.offsets[opened[-1]] is not None:
-                source.fail(position, f"a second OFFSET in joint {shown(list(index)[opened[-1]])}")
-            out.offsets[opened[-1]] = numbers("OFFSET")
+                tokens.fail(f"a second OFFSET in joint {shown(list(index)[opened[-1]])}")
+            out.offsets[opened[-1]] = tokens.vector()
         elif word == b"CHANNELS":
             if out.channels[opened[-1]]:
-                source.fail(position, f"a second CHANNELS in joint {shown(list(index)[opened[-1]])}")
-            count = take("the number of channels")
-            if not count.isdigit() or len(count) > 4 or int(count) > 6:
-                source.fail(position, f"a joint has 0 to 6 channels, not {shown(count)}")
-            names = []
-            for _ in range(int(count)):
-                channel = take("a channel name")
-                names.append(_CHANNEL_NAMES.get(channel.lower(), ""))
-                if not names[-1]:
-                    source.fail(position, f"unknown channel {shown(channel)}, known are {', '.join(CHANNELS)}")
-                if names[-1] in names[:-1]:
-                    source.fail(position, f"channel {names[-1]} is given twice")
-            out.channels[opened[-1]] = tuple(names)
+                tokens.fail(f"a second CHANNELS in joint {shown(list(index)[opened[-1]])}")
+            out.channels[opened[-1]] = _parse_channels(tokens)
         elif word in (b"END", b"ENDSITE"):
-            if take("'{'") != b"{":
-                source.fail(position, "'{' must follow 'End Site'")
-            if take("OFFSET").upper() != b"OFFSET":
-                source.fail(position, "an end site holds one OFFSET")
+            tokens.expect(b"{", "'{' must follow 'End Site'")
+            tokens.expect(b"OFFSET", "an end site holds one OFFSET")
             out.end_sites.append(opened[-1])
-            out.end_offsets.append(numbers("OFFSET"))
-            if take("'}'") != b"}":
-                source.fail(position, "'}' must follow the end site's OFFSET")
+            out.end_offsets.append(tokens.vector())
+            tokens.expect(b"}", "'}' must follow the end site's OFFSET")
         else:
-            source.fail(position, f"OFFSET, CHANNELS, JOINT, End Site or '}}' expected, found {shown(token)}")
-    try:
-        encoding = "utf-8"
-        names = [name.decode(encoding) for name in index]
-        source.data[:position].decode(encoding)
-    except UnicodeDecodeError:
-        encoding = "latin-1"
-        names = [name.decode(encoding) for name in index]
-    out.names[:] = names
+            tokens.fail(f"OFFSET, CHANNELS, JOINT, End Site or '}}' expected, found {shown(token)}")
     if not any(out.channels):
-        source.fail(position, "no joint has a channel, so the file holds no motion")
-    return out, position + len(b"MOTION"), encoding
+        tokens.fail("no joint has a channel, so the file holds no motion")
+    encoding = _encoding(source.data[: tokens.position])
+    out.names.extend(name.decode(encoding) for name in index)
+    return out, tokens.position + len(b"MOTION"), encoding
 
 
-def _check_joint(
-    source: Source, position: int, word: bytes, name: bytes, index: dict[bytes, int], opened: list[int]
-) -> None:
+def _check_joint(tokens: _Tokens, word: bytes, name: bytes, index: dict[bytes, int], opened: list[int]) -> None:
     if word == b"ROOT" and index:
-        source.fail(position, f"a second ROOT {shown(name)}, a file must hold one skeleton")
+        tokens.fail(f"a second ROOT {shown(name)}, a file must hold one skeleton")
     if word == b"JOINT" and not opened:
-        source.fail(position, f"JOINT {shown(name)} lies in no joint, {'a } too many' if index else 'ROOT missing'}")
+        tokens.fail(f"JOINT {shown(name)} lies in no joint, {'a } too many' if index else 'ROOT missing'}")
     if not name:
-        source.fail(position, f"{word.decode()} without a name")
+        tokens.fail(f"{word.decode()} without a name")
     if any(byte < 32 and byte != 9 for byte in name):
-        source.fail(position, f"the joint name {shown(name)} holds control characters")
+        tokens.fail(f"the joint name {shown(name)} holds control characters")
     if name in index:
-        source.fail(position, f"a second joint named {shown(name)}, rename one of them")
+        tokens.fail(f"a second joint named {shown(name)}, rename one of them")
     if len(index) == MAX_JOINTS:
-        source.fail(position, f"more than {MAX_JOINTS} joints")
+        tokens.fail(f"more than {MAX_JOINTS} joints")
+
+
+def _parse_channels(tokens: _Tokens) -> tuple[str, ...]:
+    count = tokens.take("the number of channels")
+    if not count.isdigit() or len(count) > 4 or int(count) > len(CHANNELS):
+        tokens.fail(f"a joint has 0 to 6 channels, not {shown(count)}")
+    names: list[str] = []
+    for _ in range(int(count)):
+        token = tokens.take("a channel name")
+        name = _CHANNEL_NAMES.get(token.lower())
+        if name is None:
+            tokens.fail(f"unknown channel {shown(token)}, known are {', '.join(CHANNELS)}")
+        if name in names:
+            tokens.fail(f"channel {name} is given twice")
+        names.append(name)
+    return tuple(names)
+
+
+def _encoding(text: bytes) -> str:
+    try:
+        text.decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
 
 
 def parse_number(source: Source, text: bytes, position: int) -> float:

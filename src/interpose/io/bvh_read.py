@@ -41,12 +41,16 @@ def read(path: str | os.PathLike[str], metres_per_unit: float | None = None) -> 
     where no position channel replaces it, it is in ``root_positions``. Raises InputError, with the line where there
     is one, for a file that does not hold a whole motion.
     """
-    data = read_whole(path)
+    return parse(read_whole(path), os.fspath(path), metres_per_unit)
+
+
+def parse(data: bytes, name: str, metres_per_unit: float | None = None) -> Motion:
+    """What :func:`read` makes of a file with these bytes; ``name`` stands for the path in messages."""
     if not data or data.isspace():
-        raise InputError(f"{path}: the file is empty")
+        raise InputError(f"{name}: the file is empty")
     if b"\0" in data:
-        raise InputError(f"{path}: not a BVH file, it holds binary data (or UTF-16 text: save it as UTF-8)")
-    source = Source(path, data)
+        raise InputError(f"{name}: not a BVH file, it holds binary data (or UTF-16 text: save it as UTF-8)")
+    source = Source(name, data)
     header = parse_header(source)
     layout = _layout(source, header, metres_per_unit)
     root, turned, translations = decode(layout, parse_rows(source, header))

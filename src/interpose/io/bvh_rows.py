@@ -27,7 +27,7 @@ def parse_rows(source: Source, header: Header) -> Float[ndarray, "frame channel"
     block = source.data[start:]
     count = sum(map(len, header.hierarchy.channels))
     if not block or block.isspace():
-        raise InputError(f"{source.path}: no rows follow the frame time, {header.frames} frames are declared")
+        raise InputError(f"{source.name}: no rows follow the frame time, {header.frames} frames are declared")
     if block.translate(None, _NUMBER_BYTES):
         _fail_on_number(source, start)
     try:
@@ -86,4 +86,4 @@ def _fail_on_count(source: Source, start: int, frames: int, numbers: int, count:
         if (found := len(line.split())) not in (0, count):
             source.fail(position, f"{found} numbers in a row, {count} channels are declared")
         position += len(line) + 1
-    raise InputError(f"{source.path}: {frames} frames are declared, {numbers // count} rows follow")
+    raise InputError(f"{source.name}: {frames} frames are declared, {numbers // count} rows follow")

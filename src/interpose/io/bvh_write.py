@@ -30,6 +30,11 @@ def write(path: str | os.PathLike[str], motion: Motion, verbatim: Mapping[int, i
     Raises InputError where the path cannot be written, ValueError for poses that are not finite or a ``verbatim`` that
     does not fit.
     """
+    write_whole(path, serialize(motion, verbatim))
+
+
+def serialize(motion: Motion, verbatim: Mapping[int, int] | None = None) -> bytes:
+    """The bytes of the file that :func:`write` writes."""
     if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.local_rotations).all()):
         raise ValueError("the motion has values that are not finite")
     layout = motion.layout if isinstance(motion.layout, BvhLayout) and _fits(motion.layout, motion.skeleton) else None
@@ -45,7 +50,7 @@ def write(path: str | os.PathLike[str], motion: Motion, verbatim: Mapping[int, i
         time = f"{1.0 / motion.rate:.10f}"
     line_end = layout.row_end + layout.newline
     head = f"{layout.head[0]}{len(motion)}{layout.head[1]}{time}{layout.newline}"
-    write_whole(path, (head + line_end.join(rows) + line_end).encode(layout.encoding))
+    return (head + line_end.join(rows) + line_end).encode(layout.encoding)
 
 
 def _fits(layout: BvhLayout, skeleton: Skeleton) -> bool:
