@@ -1,0 +1,40 @@
+"""`interpose info` and `interpose models`."""
+
+import json
+
+
+def test_info_shows_the_mapping(run, clip):
+    status, out, err = run("info", clip)
+    assert (status, err) == (0, "")
+    assert "22 joints, 100 frames at 30 Hz (3.30 s), unit cm" in out
+    assert "profile LaFAN1" in out
+    assert "missing: none" in out
+    assert out.count("LeftForeArm    LeftForeArm") == 1
+
+
+def test_info_goes_on_after_a_bad_file(tmp_path, run, clip):
+    bad = tmp_path / "bad.bvh"
+    bad.write_text("nothing")
+    status, out, err = run("info", clip, bad, tmp_path / "none.bvh", clip, "--json")
+    assert status == 1
+    told = [json.loads(line) for line in out.splitlines()]
+    assert [t["file"] for t in told] == [str(clip)] * 2
+    assert told[0]["joints"] == 22
+    assert told[0]["frames"] == 100
+    assert told[0]["rate"] == 30.0
+    assert told[0]["unit_m"] == 0.01
+    assert told[0]["mapping"]["LeftUpLeg"] == "LeftUpLeg"
+    assert told[0]["missing"] == []
+    assert [line.startswith("interpose: ") for line in err.splitlines()] == [True, True]
+
+
+def test_info_says_what_a_rig_lacks(tmp_path, run):
+    path = tmp_path / "legless.bvh"
+    path.write_text(
+        "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n"
+        "End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 1\nFrame Time: 0.04\n0 0 0\n"
+    )
+    status, out, _ = run("info", path)
+    assert status == 0
+    assert "not a humanoid" in out
+    assert "LeftUpLeg" in out
