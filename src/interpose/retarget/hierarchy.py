@@ -45,7 +45,9 @@ def guess(skeleton: Skeleton, motion: Motion | None = None) -> dict[str, int] | 
             continue
         others = [j for child in tree.children[hips] if child not in legs for j in tree.below(child)]
         chests = [j for j in others if tree.pair(j) is not None]
-        chest = max(chests, key=lambda j: tree.size(j), default=None)
+        chest = max(chests, key=tree.size, default=None)
+        if chest is None and not tree.first(hips):
+            continue  # a pair without another above it: arms, unless nothing branches off before
         rank = (chest is not None, tree.size(legs[0]))
         if best is None or rank > best[0]:
             best = (rank, hips, legs, chest)
@@ -98,6 +100,10 @@ class _Tree:
         while self.children[out[-1]]:
             out.append(max(self.children[out[-1]], key=lambda c: float(self.lengths[c]) + self.reach(c)))
         return out
+
+    def first(self, joint: int) -> bool:
+        """Whether the skeleton branches at this joint first."""
+        return next((j for j, below in enumerate(self.children) if len(below) > 1), None) == joint
 
     def limb(self, joint: int) -> _Limb:
         """The longest way down, cut so that it begins with its two longest neighbouring bones."""

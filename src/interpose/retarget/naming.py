@@ -55,8 +55,9 @@ def find(skeleton: Skeleton, motion: Motion | None = None) -> Found:
     similar = _by_synonyms(skeleton)
     if _usable(skeleton, similar):
         return _complete(skeleton, "similar names", None, similar)
+    named = sum(name in similar for name in REQUIRED)
     guessed = hierarchy.guess(skeleton, motion)
-    if guessed is not None:
+    if guessed is not None and named < len(REQUIRED) / 2:
         return _complete(skeleton, "hierarchy", None, guessed)
     lacking = [name for name in REQUIRED if name not in similar] or ["legs that hang below the hips"]
     names = ", ".join(skeleton.names[:6]) + (", …" if len(skeleton) > 6 else "")

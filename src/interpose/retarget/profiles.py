@@ -128,7 +128,8 @@ PROFILES = (
 )
 
 _PREFIX = re.compile(
-    r"^(?:mixamorig\d*[_\-. ]*|[mf]_avg_|(?:def|org)[_\-. ]+|bip\d+[_\-. ]+|character\d+_|cc_base_|valvebiped[.])",
+    r"^(?:mixamorig\d*[_\-. ]*|[mf]_avg_|(?:def|org)[_\-. ]+|bip\d+[_\-. ]+|character\d+_|cc_base_"
+    r"|valvebiped[.](?:bip\d+_)?)",
     re.IGNORECASE,
 )
 
