@@ -37,7 +37,7 @@ def planted_heights(pose: Motion) -> tuple[float, float]:
 
 
 def check_hinges(pose: Motion) -> None:
-    """Seen from thigh and upper arm, knees bend about the left axis and elbows about the upright one."""
+    """In the parent bone's frame knees bend about the left axis and elbows about the upright one, within 45 degrees."""
     bent = {
         "LeftLeg": ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0]),
         "RightLeg": ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0]),
@@ -48,7 +48,7 @@ def check_hinges(pose: Motion) -> None:
         lower = rotation.rotate(pose.local_rotations[:, HUMANOID.index(name)], np.array(bone))
         hinge = np.cross(bone, lower).mean(axis=0)
         if np.linalg.norm(hinge) > np.sin(np.radians(20.0)):
-            assert hinge @ axis > 0.8 * np.linalg.norm(hinge), name
+            assert hinge @ axis > 0.7 * np.linalg.norm(hinge), name
 
 
 def test_lafan1_comes_back_the_same(lafan1_dir: Path) -> None:
