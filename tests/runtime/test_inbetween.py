@@ -10,7 +10,8 @@ from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.runtime import inbetween as module
-from interpose.runtime.inbetween import Request, fill, foot_slide, inbetween, mapping_of
+from interpose.runtime import rollout
+from interpose.runtime.inbetween import TOES, Request, fill, foot_slide, inbetween, mapping_of
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -23,10 +24,10 @@ def stand_in(method="dcmoe"):
     return Session(Path("nowhere"), info)
 
 
-def walk(frames, rate, skeleton=HUMANOID):
+def walk(frames, rate, skeleton=HUMANOID, height=0.93):
     """A smooth motion with its toes near the floor, on the humanoid or a rig that has its joints."""
     times = np.arange(frames) / rate
-    root = np.stack([0.1 * np.sin(times), 0.93 + 0.02 * np.cos(6.0 * times), 1.3 * times], axis=-1)
+    root = np.stack([0.1 * np.sin(times), height + 0.02 * np.cos(6.0 * times), 1.3 * times], axis=-1)
     axes = np.random.default_rng(3).normal(size=(len(skeleton), 3))
     angles = 0.25 * np.sin(5.0 * times[:, None] + np.arange(len(skeleton)))
     axes[[name == "World" for name in skeleton.names]] = 0.0
@@ -46,7 +47,9 @@ def served(monkeypatch):
     """Requests that the stand-in got: SLERP and a straight line, lifted in the middle by 10 cm for each variant."""
     asked = []
 
-    def generate_batch(session, start_root, start_local, target_root, target_local, frames, style=None, seed=0, vary=False):
+    def generate_batch(
+        session, start_root, start_local, target_root, target_local, frames, style=None, seed=0, vary=False
+    ):
         asked.append({"context": start_root.shape[1], "frames": frames, "style": style, "seed": seed, "vary": vary})
         t = (np.arange(1, frames + 1) / (frames + 1))[:, None]
         lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(start_root))[:, None, None]
@@ -84,7 +87,7 @@ def test_a_gap_gets_its_frames_at_the_users_rate(served, rate, frames):
 @pytest.mark.parametrize("skeleton", [HUMANOID, fingered()], ids=["humanoid", "fingered"])
 def test_the_models_motion_comes_back_on_the_rig(served, rate, skeleton):
     frames = 37
-    clip = walk(frames + 2, rate, skeleton)
+    clip = walk(frames + 2, rate, skeleton, height=1.5)  # off the floor, where no foot is moved
     (made,) = inbetween(clip[0], clip[-1], frames, MODEL)
     (straight,) = inbetween(clip[0], clip[-1], frames, Request("interp"))
     apart = np.linalg.norm(made.motion.global_positions() - straight.motion.global_positions(), axis=-1)
@@ -208,6 +211,29 @@ def test_a_model_of_another_method_does_not_serve(served):
 def test_what_cannot_be_had_is_refused(ask, said):
     with pytest.raises(InputError, match=said):
         ask()
+
+
+def test_feet_in_contact_stay_where_they_are(served, monkeypatch):
+    bent = np.zeros((22, 3))
+    for name, degrees in (("UpLeg", -30.0), ("Leg", 60.0), ("Foot", -30.0)):
+        bent[[HUMANOID.index(side + name) for side in ("Left", "Right")], 0] = np.radians(degrees)
+    pose = Motion(HUMANOID, np.array([[0.0, 0.83, 0.0]]), rotation.from_rotation_vector(bent)[None], 60.0)
+
+    def sway(down):
+        straight = rollout.generate_batch
+
+        def generate_batch(*given, **named):
+            root, local, contacts = straight(*given, **named)
+            root[..., 0] += 0.06 * np.sin(np.linspace(0.0, 2.0 * np.pi, root.shape[1]))
+            return root, local, np.full_like(contacts, down)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(rollout, "generate_batch", generate_batch)
+            (made,) = inbetween(pose, pose, 60, MODEL)
+        return np.ptp(made.motion.global_positions()[:, TOES], axis=0).max()
+
+    assert sway(down=0.0) > 0.1
+    assert sway(down=1.0) < 0.01
 
 
 def test_foot_slide_is_the_weighted_travel_of_low_toes():

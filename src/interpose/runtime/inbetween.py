@@ -22,7 +22,7 @@ from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate
-from interpose.runtime import rollout
+from interpose.runtime import feet, rollout
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.resampling import MODEL_RATE, model_steps, recent, to_user_rate
 from interpose.runtime.session import Session
@@ -235,24 +235,35 @@ def _generate(
     first, last = aligned(starts[0][-1], target[0])
     target22 = retarget.to_humanoid(last, mapping)
     context = retarget.to_humanoid(concatenate(*(recent(s, CONTEXT) for s in starts)), mapping)
-    known_root = context.root_positions.reshape(count, -1, 3)
-    known_local = context.local_rotations.reshape(count, -1, len(HUMANOID), 4)
-    roots, locals_, _ = rollout.generate_batch(
+    context_root = context.root_positions.reshape(count, -1, 3)
+    context_local = context.local_rotations.reshape(count, -1, len(HUMANOID), 4)
+    target_root = np.repeat(target22.root_positions, count, axis=0)
+    target_local = np.repeat(target22.local_rotations, count, axis=0)
+    roots, locals_, contacts = rollout.generate_batch(
         request.session,
-        known_root,
-        known_local,
-        np.repeat(target22.root_positions, count, axis=0),
-        np.repeat(target22.local_rotations, count, axis=0),
+        context_root,
+        context_local,
+        target_root,
+        target_local,
         model_steps(frames, rate) - 1,
         style=[request.style] * count,
         seed=request.seed,
         vary=True,
     )
-    on_grid = []
-    for i in range(count):
-        root = np.concatenate([known_root[i], roots[i], target22.root_positions])
-        local = np.concatenate([known_local[i], locals_[i], target22.local_rotations])
-        on_grid.append(to_user_rate(root, local, len(known_root[i]) - 1, frames, rate))
+    roots = np.concatenate([context_root[:, -1:], roots, target_root[:, None]], axis=1)
+    locals_ = np.concatenate([context_local[:, -1:], locals_, target_local[:, None]], axis=1)
+    locals_ = feet.plant_batch(roots, locals_, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
+    before = context_root.shape[1] - 1
+    on_grid = [
+        to_user_rate(
+            np.concatenate([context_root[i, :-1], roots[i]]),
+            np.concatenate([context_local[i, :-1], locals_[i]]),
+            before,
+            frames,
+            rate,
+        )
+        for i in range(count)
+    ]
     # Every transition with its ends goes back to the rig in one call: that is much faster than one at a time.
     whole = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
     on_rig = retarget.from_humanoid(whole, mapping, first)
