@@ -16,8 +16,10 @@ from interpose import rotation
 SOFT_SHARE = 0.02
 """The last part of the limb's length, over which further stretching is damped."""
 
-_STRAIGHT = 1e-4
-"""Metres that a knee must stand out from the line hip to ankle to define a bending plane."""
+_CLEAR = 0.06
+"""Metres that a knee stands out from the line hip to ankle when its bending plane is sure."""
+
+_STRAIGHT = 1e-6
 
 
 def soft_reach(
@@ -44,27 +46,27 @@ def two_bone_ik(
 ) -> tuple[Float[ndarray, "*batch 4"], Float[ndarray, "*batch 4"]]:
     """The world rotations by which thigh and shin turn so that the ankle comes to ``target``, the hip staying.
 
-    The knee keeps its bending plane, carried along by the shortest turn of the line from hip to ankle. ``forward`` is
-    where the knee points when the limb is straight; a knee bent the other way comes to this side when the limb
-    shortens. A target out of reach is approached as far as the bones allow. Positions in metres.
+    The knee keeps its bending plane, carried along by the shortest turn of the line from hip to ankle. Where the limb
+    is so straight that its plane is unsure, or bent backwards, and has to bend more, the knee comes out towards
+    ``forward``. A target out of reach is approached as far as the bones allow. Positions in metres.
     """
     thigh, shin = _length(knee - hip), _length(ankle - knee)
     old = ankle - hip
-    along = _unit(old)
-    out = knee - hip - _dot(knee - hip, along) * along
-    ahead = forward - _dot(forward, along) * along
-    shorter = _length(target - hip) < _length(old) - 1e-9
-    doubtful = (_length(out) < _STRAIGHT) | (shorter & (_dot(out, ahead) < 0.0))
-    pole = np.where(doubtful, ahead, out)
-
-    nearest, farthest = np.abs(thigh - shin), thigh + shin
-    reach = np.clip(_length(target - hip), nearest * (1.0 + 1e-9) + 1e-9, farthest)
-    reach = np.where(shorter | (reach > _length(old) + 1e-9), reach, _length(old))
-    line = np.where(_length(target - hip) > 1e-9, target - hip, old)
-    turn = rotation.between(old, line)
-    new_along, new_pole = _unit(line), _unit(rotation.rotate(turn, pole))
+    present, wanted = _length(old), _length(target - hip)
+    reach = np.clip(wanted, np.abs(thigh - shin) * (1.0 + 1e-9) + 1e-9, thigh + shin)
+    reach = np.where(np.abs(wanted - present) < 1e-9, present, reach)
     x = (thigh**2 + reach**2 - shin**2) / (2.0 * reach)
     y = np.sqrt(np.maximum(thigh**2 - x**2, 0.0))
+
+    along = _unit(old)
+    out = (knee - hip) - _dot(knee - hip, along) * along
+    ahead = _unit(forward - _dot(forward, along) * along)
+    unsure = np.maximum(y - _length(out), _STRAIGHT) * np.clip(1.0 - _length(out) / _CLEAR, 0.0, 1.0)
+    pole = out + unsure * ahead
+
+    line = np.where(wanted > 1e-9, target - hip, old)
+    turn = rotation.between(old, line)
+    new_along, new_pole = _unit(line), _unit(rotation.rotate(turn, pole))
     new_knee = hip + x * new_along + y * new_pole
     new_ankle = hip + reach * new_along
 
