@@ -57,6 +57,8 @@ def parse_numbers(block: bytes) -> Float[ndarray, "*shape"]:
 def _parse_fixed_point(block: bytes) -> Float[ndarray, "line number"] | None:
     # Most files print every number with the same count of decimals. Then the text without its points is a table of
     # integers, which parses five times as fast; below 2**53 the quotient is the correctly rounded decimal.
+    if b"e" in block or b"E" in block:
+        return None
     text = np.frombuffer(block + b" ", np.uint8)
     printed = text > _BLANK
     ends = np.flatnonzero(printed[:-1] > printed[1:])
