@@ -196,9 +196,9 @@ def demo(out: OutFolder = "interpose-demo") -> int:
     Args:
         out: The folder to write to.
     """
-    from interpose.cli import develop
+    from interpose.demo.run import show
 
-    return develop.demo(out)
+    return show(out)
 
 
 def _nothing(command: str, wanted: str) -> int:

@@ -3,11 +3,10 @@
 keys -> the 22 joints (`retarget`) -> 30 Hz (`resampling`) -> the model's roll-out (`rollout`) -> feet kept on the
 ground (`feet`) -> the user's rate -> the user's rig, unmapped joints interpolated and both keys met exactly.
 
-The roll-out is a step of METHOD.md part E: it arrives at the target by construction. What a trip through another
-skeleton may still leave at a key is spread over the gap by `retarget.carry_details`. The arrival errors of
-:class:`Info` measure what is left in the end: the motion is made with its two ends, in the same way as the frames
-between them, and its last frame is held against the target key: the largest distance of a joint, and the largest
-angle between the global rotations of a joint.
+The roll-out arrives at the target by construction (METHOD.md part E), and feet, resampling and retargeting leave both
+ends alone. The arrival errors of :class:`Info` measure what is left in the end: the transition is made with its two
+ends, which take the same way as the frames between them, and its last frame is held against the target key: the
+largest distance of a joint, and the largest angle between the global rotations of a joint.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.keys import gaps
-from interpose.motion import Motion, concatenate
+from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import feet, rollout
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.resampling import MODEL_RATE, model_steps, recent, to_user_rate
@@ -264,16 +263,14 @@ def _generate(
         )
         for i in range(count)
     ]
-    # Every transition with its ends goes back to the rig in one call: that is much faster than one at a time.
-    whole = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
-    on_rig = retarget.from_humanoid(whole, mapping, first)
+    # All transitions go back to the rig, ends included, in one call: that is much faster than one at a time. What the 22
+    # joints lack (fingers, twists, animated offsets) follows the rig's own interpolation.
+    motion22 = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
+    details = sample(concatenate(first, last), np.tile(np.linspace(0.0, 1.0, frames + 2), count))
+    on_rig = retarget.from_humanoid(motion22, mapping, details)
     size = frames + 2
     inner = [on_rig[i * size + 1 : (i + 1) * size - 1] for i in range(count)]
-    return _Made(
-        retarget.from_humanoid(whole[0], mapping, first),
-        [retarget.carry_details(motion, first, last, mapping) for motion in inner],
-        retarget.from_humanoid(whole[-1], mapping, last),
-    )
+    return _Made(on_rig[0], inner, on_rig[-1])
 
 
 def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:
