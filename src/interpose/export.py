@@ -1,4 +1,4 @@
-"""A training run to a model folder: the step as ONNX, its weights in half precision, checked against torch.
+"""A training run to a model folder: the step as ONNX, its weights in 8 bits, checked against torch.
 
 `model.json` tells what the model is; the format is described in docs/model-format.md.
 """
@@ -17,7 +17,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import torch
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
 from interpose.errors import InputError
@@ -30,8 +30,10 @@ from interpose.train import checkpoint
 OPSET = 18
 CARRIED = [name for name in state_shapes() if name != "velocity_known"]
 """The state that comes out of a step; the velocity is always known then."""
-TOLERANCE = 2e-3
-"""Largest difference allowed between ONNX with half-precision weights and torch, metres and 6-D units, in one step."""
+TOLERANCE = 5e-3
+"""Largest difference allowed between ONNX with 8-bit weights and torch in one step, relative to an output's range."""
+BLOCK = 32
+"""Weights that share a scale."""
 
 
 class Step(nn.Module):
@@ -159,8 +161,8 @@ def write_step(model: DCMoE, path: Path) -> float:
             verbose=False,
         )
     assert program is not None
-    proto = halve(program.model_proto)
-    onnx.checker.check_model(proto)
+    onnx.checker.check_model(program.model_proto)
+    proto = quantise(program.model_proto)
     onnx.save(proto, str(path))
     return check(step, path)
 
@@ -184,20 +186,39 @@ def check(step: Step, path: Path) -> float:
     return worst
 
 
-def halve(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
-    """The same model with its large weights stored in half precision and cast back when it is loaded."""
+def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
+    """The same model with the large linear layers' weights in 8 bits, in blocks of :data:`BLOCK` with a scale each.
+
+    A frame reads every weight once, so that a quarter of the bytes is most of the time saved; ONNX Runtime has the
+    product as `MatMulNBits`.
+    """
     graph = model.graph
-    casts = []
-    for tensor in list(graph.initializer):
-        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < least:
+    weights = {t.name: t for t in graph.initializer if int(np.prod(t.dims)) >= least}
+    nodes = []
+    for node in graph.node:
+        flags = {a.name: a.i for a in node.attribute}
+        if node.op_type != "Gemm" or node.input[1] not in weights or flags.get("transA"):
+            nodes.append(node)
             continue
-        values = numpy_helper.to_array(tensor)
-        small = numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}.half")
+        tensor = weights[node.input[1]]
+        matrix = numpy_helper.to_array(tensor).astype(np.float32)
+        matrix = matrix if flags.get("transB") else matrix.T
+        wide, deep = matrix.shape
+        blocks = np.pad(matrix, ((0, 0), (0, -deep % BLOCK))).reshape(wide, -1, BLOCK)
+        scales = np.abs(blocks).max(axis=-1) / 127.0
+        scales[scales == 0.0] = 1.0
+        codes = np.clip(np.round(blocks / scales[..., None]) + 128.0, 0, 255).astype(np.uint8)
+        name = tensor.name
+        graph.initializer.append(numpy_helper.from_array(codes, f"{name}.codes"))
+        graph.initializer.append(numpy_helper.from_array(scales.reshape(-1), f"{name}.scales"))
         graph.initializer.remove(tensor)
-        graph.initializer.append(small)
-        casts.append(helper.make_node("Cast", [small.name], [tensor.name], to=TensorProto.FLOAT, name=f"{tensor.name}.cast"))
-    nodes = list(graph.node)
+        bias = ["", "", node.input[2]] if len(node.input) > 2 else []
+        inputs = [node.input[0], f"{name}.codes", f"{name}.scales", *bias]
+        shape = {"K": deep, "N": wide, "bits": 8, "block_size": BLOCK, "accuracy_level": 4}
+        nodes.append(
+            helper.make_node("MatMulNBits", inputs, list(node.output), name=node.name, domain="com.microsoft", **shape)
+        )
     del graph.node[:]
-    graph.node.extend(casts + nodes)
-    del graph.value_info[:]
+    graph.node.extend(nodes)
+    model.opset_import.append(helper.make_opsetid("com.microsoft", 1))
     return model

@@ -12,6 +12,7 @@ from interpose.motion import Motion
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate, Request
 from interpose.runtime.session import Session, load
+from interpose.runtime.stream import Stream
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,12 @@ class Model:
             raise InputError(f"variants must be 1 or more, got {variants}")
         request = Request(self.session.method, self.session, style, path or "auto", seed)
         return inbetween.inbetween(start, target, frames, request, variants=variants, mapping=mapping)
+
+    def stream(
+        self, start: Motion, *, style: str | None = None, mapping: retarget.Mapping | None = None
+    ) -> Stream:
+        """A character to be moved pose by pose: see :class:`interpose.runtime.stream.Stream`."""
+        return Stream(self.session, start, style, mapping)
 
 
 def load_model(name: str | os.PathLike[str] | None = None) -> Model:

@@ -84,7 +84,7 @@ PRESETS: dict[str, Config] = {
         experts=8,
         hidden=256,
         gate=(256, 64),
-        stages=(Stage(3_000, 1, 512), Stage(5_000, 8, 128), Stage(4_000, 12, 128)),
+        stages=(Stage(2_000, 1, 512), Stage(3_000, 8, 128), Stage(2_000, 12, 128)),
     ),
     "tiny": Config(
         preset="tiny",
@@ -188,7 +188,9 @@ def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minut
         rows = _rows(state.extra, data, stage, config, generator)
         factor = loop.cosine(step, steps, config.warmup, floor=0.01) if config.warmup else 1.0
         loop.set_learning_rate(optimizer, config.learning_rate * factor)
-        total, each = unroll(model, data, rows, stage.unroll, config, generator)
+        # The outer context, itself off, keeps the weights' half-precision copies from one frame to the next.
+        with torch.autocast(device.type, torch.bfloat16, enabled=False):
+            total, each = unroll(model, data, rows, stage.unroll, config, generator)
         optimizer.zero_grad(set_to_none=True)
         total.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
