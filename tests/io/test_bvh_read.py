@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 import interpose
 from interpose.io import bvh
-from interpose.io.bvh_rows import parse_numbers
 from interpose.motion import Motion
 
 Save = Callable[[str | bytes], Path]
@@ -271,29 +270,6 @@ def test_any_channels_in_any_order_give_the_poses_they_mean(
 
     bvh.write(folder / "made.bvh", motion, verbatim={})
     assert_same_poses(bvh.read(folder / "made.bvh", metres_per_unit=0.01), motion, tolerance=2e-8)
-
-
-@given(
-    st.lists(st.lists(NUMBERS, min_size=1, max_size=6), min_size=1, max_size=6), st.sampled_from(["\n", "\r\n", "\r"])
-)
-def test_numbers_are_parsed_exactly(rows: list[list[str]], newline: str) -> None:
-    parsed = parse_numbers(newline.join("\t ".join(row) for row in rows).encode())
-    np.testing.assert_array_equal(parsed.ravel(), [float(text) for row in rows for text in row])
-
-
-@given(
-    st.integers(1, 17).flatmap(
-        lambda k: st.lists(st.decimals(-(10**6), 10**6, places=k).map(lambda x: f"{x:.{k}f}"), min_size=1, max_size=20)
-    )
-)
-def test_fixed_point_numbers_are_parsed_exactly(numbers: list[str]) -> None:
-    np.testing.assert_array_equal(parse_numbers(" ".join(numbers).encode()).ravel(), [float(text) for text in numbers])
-
-
-@pytest.mark.parametrize("text", ["1.2.7 9 ", "1.-5", "-.-5", "1.2. 7", "1-2.5", ".", "-.", "1.5 e", "--1.5", "1.5e"])
-def test_what_is_not_a_number_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="could not convert"):
-        parse_numbers(text.encode())
 
 
 def test_nesting_may_be_deep(save: Save) -> None:
