@@ -84,7 +84,7 @@ PRESETS: dict[str, Config] = {
         experts=8,
         hidden=256,
         gate=(256, 64),
-        stages=(Stage(2_000, 1, 512), Stage(3_000, 8, 128), Stage(2_000, 12, 128)),
+        stages=(Stage(2_000, 1, 512), Stage(2_500, 8, 128), Stage(1_600, 12, 128)),
     ),
     "tiny": Config(
         preset="tiny",
