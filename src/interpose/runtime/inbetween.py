@@ -23,14 +23,12 @@ from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import feet, rollout
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
-from interpose.runtime.resampling import MODEL_RATE, model_steps, recent, to_user_rate
+from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
 METHODS = ("dcmoe", "interp")
 LONGEST_MODEL_GAP = 600
-CONTEXT = 10
-"""Known frames at 30 Hz, the start key included, that a model is shown at most."""
 
 TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
 CONTACT_HEIGHT = 0.025
@@ -263,8 +261,8 @@ def _generate(
         )
         for i in range(count)
     ]
-    # All transitions go back to the rig, ends included, in one call: that is much faster than one at a time. What the 22
-    # joints lack (fingers, twists, animated offsets) follows the rig's own interpolation.
+    # All transitions go back to the rig, ends included, in one call: that is much faster than one at a time. What the
+    # 22 joints lack (fingers, twists, animated offsets) follows the rig's own interpolation.
     motion22 = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
     details = sample(concatenate(first, last), np.tile(np.linspace(0.0, 1.0, frames + 2), count))
     on_rig = retarget.from_humanoid(motion22, mapping, details)

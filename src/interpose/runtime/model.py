@@ -58,10 +58,18 @@ class Model:
         return inbetween.inbetween(start, target, frames, request, variants=variants, mapping=mapping)
 
     def stream(
-        self, start: Motion, *, style: str | None = None, mapping: retarget.Mapping | None = None
+        self,
+        start: Motion,
+        *,
+        style: str | None = None,
+        seed: int = 0,
+        mapping: retarget.Mapping | None = None,
     ) -> Stream:
-        """A character to be moved pose by pose: see :class:`interpose.runtime.stream.Stream`."""
-        return Stream(self.session, start, style, mapping)
+        """Motion one pose at a time from the last frame of ``start``; its target may change: see :class:`Stream`.
+
+        Raises InputError for a rig that is no humanoid, and for an unknown style.
+        """
+        return Stream(self.session, start, style, seed, mapping)
 
 
 def load_model(name: str | os.PathLike[str] | None = None) -> Model:

@@ -19,6 +19,8 @@ from interpose import rotation
 from interpose.motion import Motion, sample
 
 MODEL_RATE = 30.0
+CONTEXT = 10
+"""Known frames at that rate, the start key included, that a model is shown at most."""
 
 
 def model_steps(frames: int, rate: float) -> int:
