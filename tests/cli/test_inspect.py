@@ -2,6 +2,8 @@
 
 import json
 
+from interpose.runtime import session
+
 
 def test_info_shows_the_mapping(run, clip):
     status, out, err = run("info", clip)
@@ -38,3 +40,28 @@ def test_info_says_what_a_rig_lacks(tmp_path, run):
     assert status == 0
     assert "not a humanoid" in out
     assert "LeftUpLeg" in out
+
+
+def test_models_lists_what_is_installed(run, model, monkeypatch):
+    monkeypatch.setattr(session, "INSTALLED", model.parent)
+    status, out, err = run("models")
+    assert (status, err) == (0, "")
+    assert "swaying: method dcmoe, 30 Hz" in out
+    assert "licence     MIT" in out
+    assert "styles      Angry, Old" in out
+    status, out, _ = run("models", "--json")
+    told = json.loads(out)
+    assert (status, told["name"], told["folder"]) == (0, "swaying", str(model))
+
+
+def test_an_installed_model_is_called_by_its_name(tmp_path, run, clip, model, monkeypatch):
+    monkeypatch.setattr(session, "INSTALLED", model.parent)
+    status, out, _ = run("fill", clip, "--keys", "0,50", "--model", "swaying", "--json", "-o", tmp_path / "out.bvh")
+    assert (status, json.loads(out)["method"]) == (0, "dcmoe")
+
+
+def test_no_model_is_installed(tmp_path, run, monkeypatch):
+    monkeypatch.setattr(session, "INSTALLED", tmp_path)
+    status, out, err = run("models")
+    assert (status, out) == (0, "")
+    assert "no model is installed" in err

@@ -39,8 +39,8 @@ class Stream:
         seed: int = 0,
         mapping: retarget.Mapping | None = None,
     ) -> None:
-        """``start``: its last frame is the first pose, those before it are context. ``mapping``: of the rig, where it is
-        known. Raises InputError for a rig that is no humanoid, and for an unknown style.
+        """``start``: its last frame is the first pose, those before it are context. ``mapping``: of the rig, where
+        it is known. Raises InputError for a rig that is no humanoid, and for an unknown style.
         """
         self._session, self._style = session, style
         session.style_weights([style])
