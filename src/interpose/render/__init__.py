@@ -1,5 +1,10 @@
 """Pictures of motions as PNG files, drawn with NumPy and Pillow."""
 
+from interpose.render.inspect import curves as curves
+from interpose.render.inspect import filmstrip as filmstrip
 from interpose.render.sheet import Row as Row
+from interpose.render.sheet import compose as compose
 from interpose.render.sheet import contact_sheet as contact_sheet
+from interpose.render.sheet import draw_rows as draw_rows
+from interpose.render.sheet import save as save
 from interpose.render.sheet import scene as scene

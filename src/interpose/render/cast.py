@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from interpose.data import contacts, root
 from interpose.errors import InputError
 from interpose.figure import SOLE, Figure, figure
 from interpose.motion import Motion
-from interpose.render.scene import Actor, Colour
+from interpose.render.drawing import Actor, Colour
 from interpose.retarget.mapping import plan
 from interpose.retarget.transfer import to_humanoid
 from interpose.skeleton import HUMANOID
@@ -25,7 +25,8 @@ class Cast:
     """positions (frame, joint, 3) and rotations (frame, joint, 4) in the world; floor: its height, metres.
 
     track: (frame, 2) the root on the ground (x, z). facing: (frame, 2), or None where there is no humanoid.
-    down: (frame, 2) whether the left and the right foot are on the ground, or None.
+    down: (frame, 2) whether the left and the right foot are on the ground, or None. feet: the joints of ankle and toe
+    (the ankle twice where there is no toe) of the left and the right foot, or None.
     """
 
     motion: Motion
@@ -37,6 +38,7 @@ class Cast:
     track: Float[ndarray, "frame 2"]
     facing: Float[ndarray, "frame 2"] | None
     down: Bool[ndarray, "frame 2"] | None
+    feet: Int[ndarray, "2 2"] | None
 
     def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"] | None = None) -> Actor:
         """The figure at a frame, moved by ``moved`` metres."""
@@ -60,7 +62,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
     if len(motion) == 0:
         raise InputError("a motion without frames cannot be drawn; give at least one frame")
     positions = motion.global_positions()
-    facing = down = None
+    facing = down = feet = None
     hips = 0
     try:
         found = plan(motion)
@@ -69,6 +71,10 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
         pass
     else:
         hips = found.joints[HIPS] or 0
+        pairs = found.pairs()
+        named = [(pairs[f"{side}Foot"], pairs[f"{side}Toe"]) for side in ("Left", "Right")]
+        names = motion.skeleton.names
+        feet = np.array([[names.index(str(foot)), names.index(toe or str(foot))] for foot, toe in named])
         facing = root.facing(human)
         joints = contacts.detect(human, motion.rate)
         down = np.stack([joints[:, :2].any(axis=1), joints[:, 2:].any(axis=1)], axis=1)
@@ -76,7 +82,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
     floor = 0.0 if abs(lowest) < 0.10 else lowest
     track = positions[:, hips][:, [0, 2]]
     shapes = figure(motion, detail), figure(motion, 2)
-    return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down)
+    return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down, feet)
 
 
 def _turn(way: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:

@@ -21,7 +21,7 @@ from interpose.errors import InputError
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 from interpose.render.cast import Cast, cast
-from interpose.render.scene import FAINT, INK, PAPER, START, TARGET, Camera, Colour, look, mix, picture
+from interpose.render.drawing import FAINT, INK, PAPER, START, TARGET, Camera, Colour, look, mix, picture
 
 MARGIN = 28
 SIDE = 250
@@ -57,23 +57,37 @@ def contact_sheet(
 
     Raises InputError for no rows, a motion without frames, a key outside its motion, or an unwritable path.
     """
+    save(path, compose(draw_rows(rows, poses, width), heading, subheading))
+
+
+def draw_rows(rows: Sequence[Row], poses: int = 11, width: int = 1800) -> list[Image.Image]:
+    """A picture of each row, all figures at one scale; raises as :func:`contact_sheet` does."""
     if not rows:
         raise InputError("a contact sheet needs at least one motion")
     casts = [cast(row.motion) for row in rows]
+    scale = 0.80 * STRIP / max(max(_extent(c)[0] for c in casts), 0.2)
+    pictures = []
+    for row, played in zip(rows, casts, strict=True):
+        pictures.append(Image.new("RGB", (width - 2 * MARGIN, STRIP + BARS), PAPER))
+        _row(pictures[-1], row, played, scale, poses)
+    return pictures
+
+
+def compose(rows: Sequence[Image.Image], heading: str = "", subheading: str = "") -> Image.Image:
+    """Pictures of rows, one below the other, under a heading."""
     top = MARGIN + (82 if subheading else 58 if heading else 0)
-    tall = STRIP + BARS
-    sheet = Image.new("RGB", (width, top + len(rows) * (tall + 18) + MARGIN - 18), PAPER)
+    width = rows[0].width + 2 * MARGIN
+    step = rows[0].height + 18
+    sheet = Image.new("RGB", (width, top + len(rows) * step + MARGIN - 18), PAPER)
     draw = ImageDraw.Draw(sheet)
     if heading:
         text(draw, (MARGIN, MARGIN - 8), heading, 32, INK, bold=True)
         text(draw, (MARGIN, MARGIN + 32), subheading, 17, FAINT)
-    scale = 0.80 * STRIP / max(max(_extent(c)[0] for c in casts), 0.2)
-    for k, (row, played) in enumerate(zip(rows, casts, strict=True)):
-        y = top + k * (tall + 18)
+    for k, row in enumerate(rows):
+        sheet.paste(row, (MARGIN, top + k * step))
         if k:
-            draw.line((MARGIN, y - 9, width - MARGIN, y - 9), fill=LINE)
-        _row(sheet, row, played, (MARGIN, y), width - 2 * MARGIN, scale, poses)
-    save(path, sheet)
+            draw.line((MARGIN, top + k * step - 9, width - MARGIN, top + k * step - 9), fill=LINE)
+    return sheet
 
 
 def scene(
@@ -100,15 +114,13 @@ def scene(
     save(path, picture(camera, actors, size, played.floor, grid=1.0 if scale < 250 else 0.5))
 
 
-def _row(
-    sheet: Image.Image, row: Row, played: Cast, corner: tuple[int, int], width: int, scale: float, poses: int
-) -> None:
+def _row(sheet: Image.Image, row: Row, played: Cast, scale: float, poses: int) -> None:
     marks = _keys(row.keys, len(row.motion))
-    strip = width - SIDE
+    strip = sheet.width - SIDE
     _, wide = _extent(played)
     count = int(np.clip(strip / (scale * max(0.62 * wide, 0.75)), 2, max(poses, 2)))
     frames = _frames(marks, count)
-    ground = _ground(played, np.arange(len(played.motion)))
+    ground = _ground(played, list(range(len(played.motion))))
     camera = look(played.heading(), np.array([0.0, played.floor, 0.0]), (0.0, 0.84 * STRIP), scale)
     aside = camera.project(played.positions)[..., 0] - camera.project(ground)[:, None, 0]
     left, right = (0.16 * scale - aside[frames[0]].min(), 0.16 * scale + aside[frames[-1]].max())
@@ -118,34 +130,34 @@ def _row(
     for frame, slot in zip(frames, slots, strict=True):
         at = ground[frame] * [1.0, 0.0, 1.0]
         actors.append(played.actor(frame, _colour(frame, marks), slot / scale * camera.right - at))
-    sheet.paste(picture(camera, actors, (strip, STRIP), played.floor), (corner[0] + SIDE, corner[1]))
+    sheet.paste(picture(camera, actors, (strip, STRIP), played.floor), (SIDE, 0))
     draw = ImageDraw.Draw(sheet)
-    _bars(draw, played, frames, slots, marks, (corner[0] + SIDE, corner[1] + STRIP))
-    text(draw, corner, row.title, 25, INK, bold=True)
+    _bars(draw, played, frames, slots, marks, (SIDE, STRIP))
+    text(draw, (0, 0), row.title, 25, INK, bold=True)
     for k, note in enumerate(row.notes):
-        text(draw, (corner[0], corner[1] + 36 + 22 * k), note, 16, FAINT)
+        text(draw, (0, 36 + 22 * k), note, 16, FAINT)
     used = 36 + 22 * len(row.notes)
-    _map(sheet, played, frames, marks, camera, (corner[0], corner[1] + used + 14), (SIDE - 40, STRIP + 44 - used - 14))
+    _map(sheet, played, frames, marks, camera, (0, used + 14), (SIDE - 40, STRIP + 44 - used - 14))
 
 
 def _bars(
     draw: ImageDraw.ImageDraw,
     played: Cast,
-    frames: ndarray,
+    frames: list[int],
     slots: ndarray,
     marks: Sequence[int],
     corner: tuple[int, int],
 ) -> None:
     """Frame numbers and times under the poses; below them a bar for each foot, dark while it is on the ground."""
     x, y = corner
-    for frame, slot in zip(frames.tolist(), slots.tolist(), strict=True):
+    for frame, slot in zip(frames, slots.tolist(), strict=True):
         key = frame in marks
         seconds = (frame - frames[0]) / played.motion.rate
         name = f"{frame}  ·  {seconds:.2f} s" if len(frames) < 15 else f"{frame}"
         text(draw, (x + slot, y + 8), name, 14, _colour(frame, marks) if key else FAINT, anchor="ma", bold=key)
     if played.down is None or len(frames) < 2:
         return
-    first, last = int(frames[0]), int(frames[-1])
+    first, last = frames[0], frames[-1]
     step = (slots[-1] - slots[0]) / (last - first)
     for k, side in enumerate("LR"):
         top = y + 34 + 13 * k
@@ -161,7 +173,7 @@ def _bars(
 def _map(
     sheet: Image.Image,
     played: Cast,
-    frames: ndarray,
+    frames: list[int],
     marks: Sequence[int],
     camera: Camera,
     corner: tuple[int, int],
@@ -182,8 +194,8 @@ def _map(
     centre = np.array([size[0] * k / 2, (size[1] - 22) * k / 2])
     at = centre + unit * (path - (low + high) / 2)
     for f in range(len(at) - 1):
-        draw.line((*at[f], *at[f + 1]), fill=_colour(f + int(frames[0]), marks, pale=0.3), width=2 * k)
-    for frame in frames.tolist():
+        draw.line((*at[f], *at[f + 1]), fill=_colour(f + frames[0], marks, pale=0.3), width=2 * k)
+    for frame in frames:
         p, key = at[frame - frames[0]], frame in marks
         colour = _colour(frame, marks, pale=0.45)
         r = (5.5 if key else 3.0) * k
@@ -205,7 +217,7 @@ def _map(
 
 def text(
     draw: ImageDraw.ImageDraw,
-    at: tuple[float, float],
+    at: tuple[float | int, float | int],
     words: str,
     size: int,
     colour: Colour,
@@ -234,7 +246,7 @@ def _keys(keys: Sequence[int], count: int) -> list[int]:
     return sorted({key % count for key in keys})
 
 
-def _frames(marks: Sequence[int], poses: int) -> ndarray:
+def _frames(marks: Sequence[int], poses: int) -> list[int]:
     """Evenly spaced frames from the first key to the last, each moved onto a key that lies within half a step."""
     even = np.linspace(marks[0], marks[-1], min(poses, marks[-1] - marks[0] + 1))
     frames = np.rint(even).astype(int)
@@ -243,7 +255,7 @@ def _frames(marks: Sequence[int], poses: int) -> ndarray:
         nearest = int(np.argmin(np.abs(even - key)))
         if abs(even[nearest] - key) <= reach:
             frames[nearest] = key
-    return np.unique(frames)
+    return np.unique(frames).tolist()
 
 
 def _colour(frame: int, marks: Sequence[int], pale: float = 0.0) -> Colour:
@@ -260,7 +272,7 @@ def _colour(frame: int, marks: Sequence[int], pale: float = 0.0) -> Colour:
     return mix(mix(PALE[k], PALE[k + 1], 2.0 * part - k), full, pale)
 
 
-def _ground(played: Cast, frames: ndarray) -> Float[ndarray, "frame 3"]:
+def _ground(played: Cast, frames: list[int]) -> Float[ndarray, "frame 3"]:
     track = played.track[frames]
     return np.stack([track[:, 0], np.full(len(frames), played.floor), track[:, 1]], axis=1)
 

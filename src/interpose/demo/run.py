@@ -1,0 +1,126 @@
+"""`interpose demo`: the default model on the demo's own key poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from interpose import retarget
+from interpose.demo.scenes import Scene, scenes
+from interpose.errors import InputError
+from interpose.io import bvh, gltf
+from interpose.motion import concatenate
+from interpose.render import Row, compose, draw_rows, save
+from interpose.runtime.inbetween import Info
+from interpose.runtime.model import Model, load_model
+
+OVERVIEW = "contact-sheet.png"
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Made:
+    """A scene of the demo, what is told of its transition, and its files (.bvh, .glb, .png)."""
+
+    scene: Scene
+    info: Info
+    files: tuple[Path, Path, Path]
+
+
+def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
+    """Fills every scene with ``model`` (None: the default one) and writes a BVH, a GLB and a PNG of each into ``out``.
+
+    ``out`` is made where it does not exist; `contact-sheet.png` there shows all scenes.
+    Raises InputError where there is no model or ``out`` cannot be written.
+    """
+    model = load_model() if model is None else model
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: no folder can be made there ({error.strerror}); choose another") from None
+    asked = scenes()
+    mapping = retarget.plan(asked[0].start)
+    made, rows = [], []
+    for scene in asked:
+        candidate = model.inbetween(
+            scene.start, scene.target, scene.frames, style=scene.style, seed=SEED, mapping=mapping
+        )[0]
+        whole = concatenate(scene.start, candidate.motion, scene.target)
+        bvh_file, glb_file, png_file = (folder / f"{scene.name}{suffix}" for suffix in (".bvh", ".glb", ".png"))
+        bvh.write(bvh_file, whole)
+        gltf.write(glb_file, {scene.name: whole})
+        made.append(Made(scene, candidate.info, (bvh_file, glb_file, png_file)))
+        rows.append(Row(whole, scene.style, _notes(scene, candidate.info)))
+    pictures = draw_rows(rows)
+    for each, picture in zip(made, pictures, strict=True):
+        save(each.files[2], compose([picture]))
+    subheading = "Two keys each, the start in blue and the target in orange; everything between them is generated."
+    save(folder / OVERVIEW, compose(pictures, "interpose demo", subheading))
+    return made
+
+
+def show(out: str | PathLike[str], model: Model | None = None) -> int:
+    """Runs :func:`demo` and prints its table and what to try next; the command's exit status."""
+    console = Console()
+    with Console(stderr=True).status("filling the scenes and drawing them"):
+        made = demo(out, model)
+    console.print(table(made))
+    console.print(f"All of them in one picture: {escape(str(Path(out) / OVERVIEW))}", soft_wrap=True)
+    console.print("The .bvh and .glb files open in Blender and other 3-D programs.\n")
+    console.print("Next, with a clip of your own:")
+    for line in (
+        "interpose info your.bvh",
+        "interpose fill your.bvh --keys 0,45,90 --style Angry -o filled.bvh",
+        "interpose between a.bvh:0 a.bvh:-1 --frames 60 --variants 4 -o made.bvh",
+        "interpose models",
+    ):
+        console.print(f"  [bold]{escape(line)}[/bold]", highlight=False, soft_wrap=True)
+    return 0
+
+
+def table(made: list[Made]) -> Table:
+    """One row a scene; narrow enough for a window of 80 columns."""
+    title = f"{len(made)} transitions, each as .bvh, .glb and .png"
+    found = Table(box=SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
+    found.add_column("name", no_wrap=True)
+    for name in ("frames", "seconds", "made in", "arrival error", "foot slide"):
+        found.add_column(name, justify="right", no_wrap=True)
+    for each in made:
+        info = each.info
+        found.add_row(
+            each.scene.name,
+            str(info.frames),
+            f"{(info.frames + 1) / each.scene.start.rate:.1f}",
+            f"{1000 * info.seconds:.0f} ms",
+            _arrival(info),
+            _slide(info),
+        )
+    fallbacks = [m.info.fallback for m in made if m.info.fallback is not None]
+    if fallbacks:
+        found.caption = f"{len(fallbacks)} made by interpolation: {escape(fallbacks[0])}"
+    return found
+
+
+def _notes(scene: Scene, info: Info) -> tuple[str, ...]:
+    seconds = (scene.frames + 1) / scene.start.rate
+    return (
+        scene.asked,
+        f"{scene.frames} frames, {seconds:.1f} s",
+        f"made in {1000 * info.seconds:.0f} ms",
+        f"foot slide {_slide(info)}",
+    )
+
+
+def _arrival(info: Info) -> str:
+    return f"{1000 * info.arrival_position_error_m:.1f} mm"
+
+
+def _slide(info: Info) -> str:
+    return "unknown" if info.foot_slide_cm_per_frame is None else f"{info.foot_slide_cm_per_frame:.2f} cm/frame"
