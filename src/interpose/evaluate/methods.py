@@ -96,7 +96,8 @@ def from_model(
     loaded, or where the skeleton is no humanoid.
     """
     from interpose import retarget
-    from interpose.runtime import rollout, session
+    from interpose.runtime import session
+    from interpose.runtime.transition import transitions
 
     loaded = session.load(model)
     mapping = retarget.plan(skeleton)
@@ -125,10 +126,8 @@ def from_model(
         start = to_humanoid(context_root, context_local)
         end_root, end_local = to_humanoid(target_root[:, None], target_local[:, None])
         end = end_root[:, 0], end_local[:, 0]
-        made_root, made_local, _ = rollout.generate_batch(
-            loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
-        )
-        root, local = from_humanoid(made_root, made_local)
+        made_root, made_local = transitions(loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed)
+        root, local = from_humanoid(made_root[:, 1:-1], made_local[:, 1:-1])
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)

@@ -30,7 +30,8 @@ Test windows of subject 5: the official protocol (`lafan1`) up to 45 frames, lon
 With part of the data set's files only these ratios compare with other tables, not the values. Intervals (95 %,
 bootstrap over windows) are in `results.json` and `results.csv`; what each metric is, in `interpose.evaluate.metrics`.
 """
-MODEL_METHODS = ("dcmoe",)
+MODEL_METHODS = {"dcmoe": "lafan1"}
+"""The installed model that stands for a method where none is named: the one trained on LaFAN1's subjects 1 to 4."""
 _BASELINES = {method.name: method for method in (INTERP, ZERO_VELOCITY)}
 
 
@@ -47,10 +48,11 @@ def evaluate_lafan1(
 ) -> list[Row]:
     """Run methods on LaFAN1's test windows and write ``results.json``, ``.csv``, ``.md`` and ``l2p.png`` to ``out``.
 
-    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=MODEL`` for a model's folder
-    or name, or a model's method (``dcmoe``) alone, which stands for the model ``model``. lengths: of the transitions,
-    in frames. context_frames: 1 to 10, how many frames the models know before the transition, the start key included
-    (the baselines know the protocol's ten and use the last). Where matplotlib is not installed there is no figure.
+    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=MODEL`` for a model's
+    folder or name, or a model's method (``dcmoe``) alone, which stands for the model ``model`` (by default
+    :data:`MODEL_METHODS`). lengths: of the transitions, in frames. context_frames: 1 to 10, how many frames the
+    models know before the transition, the start key included (the baselines know the protocol's ten and use the
+    last). Where matplotlib is not installed there is no figure.
     Raises InputError for a method, a length, a context or a folder that cannot be served, before anything is written.
     """
     if not 1 <= context_frames <= lafan1.PAST:
@@ -91,7 +93,7 @@ def parse_method(text: str, model: str | None = None) -> tuple[str, str | None]:
         raise InputError(
             f"--methods {text}: no such method; there are {', '.join((*_BASELINES, *MODEL_METHODS))} and LABEL=MODEL"
         )
-    return label, name if equals else model
+    return label, name if equals else model or MODEL_METHODS.get(label)
 
 
 @dataclass(frozen=True, eq=False)

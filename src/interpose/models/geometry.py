@@ -47,18 +47,25 @@ def joint_positions(hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch join
     return hips[:, None] + ANCESTORS.to(m) @ bones
 
 
+_FACING = torch.zeros(9, 2)
+_FACING[2, 0], _FACING[6, 0], _FACING[0, 1], _FACING[8, 1] = 1.0, -1.0, 1.0, 1.0
+_FRAME = torch.zeros(2, 9)
+_FRAME[0, 2], _FRAME[0, 6], _FRAME[1, 0], _FRAME[1, 8] = 1.0, -1.0, 1.0, 1.0
+_UPRIGHT = torch.zeros(9)
+_UPRIGHT[4] = 1.0
+
+
 def facing(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 2"]:
     """The unit direction (x, z) in which the hips, of rotation ``m``, face: where their twist about the vertical turns +Z.
 
-    The twist of R about y has cos ~ R00 + R22 and sin ~ R02 - R20: no branch, and sane for lying poses.
+    The twist of R about y has cos ~ R00 + R22 and sin ~ R02 - R20: no branch, and sane for lying poses. A constant
+    picks them out of the matrix in one product.
     """
-    direction = torch.stack([m[..., 0, 2] - m[..., 2, 0], m[..., 0, 0] + m[..., 2, 2]], dim=-1)
+    direction = m.flatten(-2) @ _FACING.to(m)
     return direction / direction.norm(dim=-1, keepdim=True).clamp_min(1e-6)
 
 
 def root_frame(direction: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3 3"]:
-    """The matrix whose product ``v @ m`` takes row vectors from the world into the frame that faces ``direction``."""
-    sin, cos = direction[..., 0], direction[..., 1]
-    zero, one = torch.zeros_like(sin), torch.ones_like(sin)
-    rows = [torch.stack(r, dim=-1) for r in ((cos, zero, sin), (zero, one, zero), (-sin, zero, cos))]
-    return torch.stack(rows, dim=-2)
+    """The matrix whose product ``v @ m`` takes row vectors from the world into the frame that faces ``direction``:
+    ((cos, 0, sin), (0, 1, 0), (-sin, 0, cos))."""
+    return (direction @ _FRAME.to(direction) + _UPRIGHT.to(direction)).unflatten(-1, (3, 3))
