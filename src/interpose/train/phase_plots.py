@@ -40,7 +40,7 @@ def manifold(
     drawn = by_phase.scatter(*(flat - centre).dot(axes).T, c=turns, cmap="hsv", vmin=-0.5, vmax=0.5, s=5)
     for clip, p in zip(picked, points, strict=True):
         by_clip.plot(*(p.reshape(len(p), -1) - centre).dot(axes).T, linewidth=1, label=data.clips[clip].name)
-    by_clip.legend(fontsize=8)
+    by_clip.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
     by_clip.set_title("phase vectors, by clip")
     by_phase.set_title(f"by the phase of channel {strongest}")
     figure.colorbar(drawn, ax=by_phase, label="turns")
