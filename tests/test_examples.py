@@ -1,0 +1,67 @@
+"""The example programs run as they stand, with a model whose network is the interpolation base alone."""
+
+from __future__ import annotations
+
+import json
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commandline import bvh_text
+
+import interpose
+from interpose.features import state_shapes
+from interpose.runtime.session import Session
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run an example in an empty folder: what it printed."""
+
+    def step(self, feed):
+        said = {f"next_{name}": feed[name] for name in state_shapes()}
+        said |= {"next_hips": feed["base_next"][:, :3], "next_rotations": feed["base_next"][:, 3:].reshape(-1, 22, 6)}
+        return said | {"contacts": np.zeros((len(feed["hips"]), 4), np.float32), "next_path": feed["path"]}
+
+    folder = tmp_path / "model"
+    folder.mkdir()
+    info = {"format": 1, "name": "plain", "method": "dcmoe", "styles": ["Angry"], "licence": "MIT", "absolute": False}
+    (folder / "model.json").write_text(json.dumps(info))
+    monkeypatch.setattr(Session, "step", step)
+    monkeypatch.chdir(tmp_path)
+
+    def run(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, "--model", str(folder), *arguments])
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_two_poses(run, tmp_path):
+    assert "59 frames by dcmoe" in run("01_two_poses.py")
+    assert len(interpose.read(tmp_path / "two_poses.bvh")) == 61
+
+
+def test_two_poses_of_a_clip(run, tmp_path):
+    (tmp_path / "walk.bvh").write_text(bvh_text(40))
+    run("01_two_poses.py", "walk.bvh", "0", "30", "--frames", "29", "--style", "Angry", "-o", "made.bvh")
+    clip, made = interpose.read(tmp_path / "walk.bvh"), interpose.read(tmp_path / "made.bvh")
+    assert len(made) == 31
+    np.testing.assert_array_equal(made.root_positions[[0, -1]], clip.root_positions[[0, 30]])
+
+
+def test_styles_and_variants(run, tmp_path):
+    said = run("02_styles_and_variants.py", "--variants", "2")
+    assert [line.split()[0] for line in said.splitlines()[:4]] == ["Angry", "Angry", "free", "free"]
+    assert (tmp_path / "styles.png").stat().st_size > 10_000
+
+
+def test_game_loop(run, tmp_path):
+    assert "121 poses" in run("03_game_loop.py")
+    walked = interpose.read(tmp_path / "loop.bvh")
+    np.testing.assert_allclose(walked.root_positions[-1, ::2], [2.2, 2.0], atol=1e-3)
