@@ -13,7 +13,7 @@ from strategies import humanoid_motions, motions
 
 from interpose import rotation
 from interpose.motion import Motion, concatenate, from_global, mirror, resample, sample, velocities
-from interpose.skeleton import HUMANOID, MIRROR
+from interpose.skeleton import HUMANOID, MIRROR, Skeleton
 
 
 def assert_same(a: Motion, b: Motion) -> None:
@@ -96,6 +96,15 @@ def test_every_second_frame_of_a_doubled_rate_is_the_motion(motion: Motion) -> N
     doubled = resample(motion, 2.0 * motion.rate)
     assert len(doubled) == 2 * len(motion) - 1
     assert_same(replace(doubled[::2], rate=motion.rate), motion)
+
+
+@pytest.mark.parametrize("rate", [24.0, 25.0, 29.97, 30.0, 50.0, 60.0, 120.0])
+def test_rounding_loses_no_frame(rate: float) -> None:
+    point = Skeleton(("root",), (-1,), np.zeros((1, 3)))
+    for frames in range(1, 400, 23):
+        clip = Motion(point, np.zeros((frames, 3)), np.tile(rotation.IDENTITY, (frames, 1, 1)), rate)
+        assert len(resample(clip, 3.0 * rate)) == 3 * frames - 2
+        assert len(resample(resample(clip, rate / 3.0), rate)) == frames - (frames - 1) % 3
 
 
 @given(humanoid_motions())

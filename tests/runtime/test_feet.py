@@ -90,6 +90,31 @@ def test_without_contacts_nothing_moves_but_what_is_under_the_floor() -> None:
     assert largest_acceleration(planted) < 4.0 * largest_acceleration(sinking)
 
 
+def test_a_foot_comes_down_onto_the_floor_without_a_kink() -> None:
+    touching = drifting(standing(bend=0.8, height=0.03), np.array([0.0, -0.06, 0.0]))
+    planted = feet.plant(touching, np.zeros((FRAMES, 4)))
+    assert planted.global_positions()[:, TOES, 1].min() > -1e-6
+    assert largest_acceleration(planted) < 2.0  # 3.9 where the heights are only cut off
+
+
+def test_beside_a_key_in_the_air_a_contact_leaves_time_to_come_down() -> None:
+    motion = standing(bend=0.8, height=0.07)
+    root = motion.root_positions.copy()
+    root[[0, -1], 1] += 0.08
+    motion = replace(motion, root_positions=root)
+    toe, before = (m.global_positions()[:, TOES[0]] for m in (feet.plant(motion, down()), motion))
+    assert np.linalg.norm(toe[1] - before[1]) < DEFAULT.pace
+    np.testing.assert_allclose(toe[3:-3, 1], DEFAULT.toe_heights[1], atol=1e-6)
+
+
+def test_quaternions_keep_their_signs() -> None:
+    motion = drifting(standing(), np.array([0.05, 0.0, 0.0]))
+    flipped = replace(motion, local_rotations=-motion.local_rotations)
+    for seen in (motion, flipped):
+        planted = feet.plant(seen, down())
+        assert np.all(np.sum(planted.local_rotations * seen.local_rotations, axis=-1) > 0.0)
+
+
 def test_only_the_legs_turn_and_the_toes_keep_their_direction() -> None:
     swaying = drifting(standing(), np.array([0.1, 0.0, 0.0]))
     planted = feet.plant(swaying, down(joints=(0, 1)))
@@ -119,6 +144,15 @@ def test_the_heel_comes_up_where_the_leg_is_too_short() -> None:
     assert positions[FRAMES // 2, ANKLES, 1].min() > positions[0, ANKLES, 1].max() + 0.02
     reach = np.linalg.norm(positions[:, ANKLES] - positions[:, [LEGS[0], LEGS[4]]], axis=-1)
     assert reach.max() < 0.4350 + 0.4237
+
+
+def test_where_even_that_is_too_short_the_foot_points_at_its_place() -> None:
+    hip, toe = np.array([[0.0, 1.2, 0.0]]), np.array([[0.0, 0.0, 0.1]])
+    ankle = feet.reachable_ankle(hip, toe, np.array([[0.0, 0.07, -0.05]]), np.array([0.8]))
+    to_toe = (toe - hip) / np.linalg.norm(toe - hip)
+    reach = np.linalg.norm(ankle - hip)
+    np.testing.assert_allclose(ankle, hip + reach * to_toe, atol=1e-9)
+    assert 0.98 * 0.8587 < reach < 0.8587
 
 
 def test_a_place_too_far_away_is_let_go() -> None:

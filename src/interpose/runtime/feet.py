@@ -75,7 +75,7 @@ def plant_batch(
         rows = np.argwhere(moved[side::2])
         at = (rows[:, 0], rows[:, 1])
         out[at[0][:, None], at[1][:, None], _CHAINS[side]] = _turn_leg(
-            legs[side::2][at], world[at], local[at][:, _CHAINS[side]], toes[side::2][at], ankles[side::2][at], side
+            legs[side::2][at], world[at], toes[side::2][at], ankles[side::2][at], side
         )
     return out
 
@@ -83,7 +83,6 @@ def plant_batch(
 def _turn_leg(
     leg: Float[ndarray, "frame 4 3"],
     world: Float[ndarray, "frame 22 4"],
-    local: Float[ndarray, "frame 4 4"],
     toe: Float[ndarray, "frame 3"],
     ankle: Float[ndarray, "frame 3"],
     side: int,
@@ -91,7 +90,7 @@ def _turn_leg(
     """Local rotations of thigh, shin, foot and toe that bring the toe to ``toe`` and the ankle near ``ankle``."""
     hip, knee, old_ankle, old_toe = (leg[:, i] for i in range(4))
     present = np.linalg.norm(old_ankle - hip, axis=-1)
-    ankle = _reachable_ankle(hip, toe, ankle, present)
+    ankle = reachable_ankle(hip, toe, ankle, present)
     turned = world[:, _CHAINS[side]]
     forward = rotation.rotate(turned[:, 0], np.broadcast_to(_FORWARD, hip.shape))
     thigh, shin = two_bone_ik(hip, knee, old_ankle, ankle, forward)
@@ -99,11 +98,10 @@ def _turn_leg(
     still = np.broadcast_to(rotation.IDENTITY, foot.shape)
     turned = rotation.multiply(np.stack([thigh, shin, foot, still], axis=1), turned)
     above = np.concatenate([world[:, _PARENTS[side, :1]], turned[:, :3]], axis=1)
-    new = rotation.multiply(rotation.inverse(above), turned)
-    return np.where(np.sum(new * local, axis=-1, keepdims=True) < 0.0, -new, new)
+    return rotation.multiply(rotation.inverse(above), turned)
 
 
-def _reachable_ankle(
+def reachable_ankle(
     hip: Float[ndarray, "frame 3"],
     toe: Float[ndarray, "frame 3"],
     ankle: Float[ndarray, "frame 3"],
