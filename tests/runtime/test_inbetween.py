@@ -155,6 +155,21 @@ def test_fill_leaves_the_clip_alone_and_shows_each_gap_what_came_before(served):
     assert [asked["context"] for asked in served] == [1, 3, 10]
 
 
+@pytest.mark.parametrize("keys", [(0, 45, 90, 135), (0, *range(40, 50), *range(90, 100), 149)])
+@pytest.mark.parametrize("rate", [25.0, 30.0, 60.0])
+def test_keys_do_not_pop(served, rate, keys):
+    """Interpolation turns a corner at every key; on the same roll-out the filled clip goes through them smoothly."""
+    clip = walk(150, rate)
+
+    def bend(motion):
+        positions = motion.global_positions()
+        acceleration = np.linalg.norm(np.diff(positions, n=2, axis=0), axis=-1).mean(axis=-1) * rate**2
+        return acceleration[[k - 1 for k in keys[1:-1]]].max()
+
+    (smooth,), (cornered,) = fill(clip, keys, MODEL), fill(clip, keys, Request("interp"))
+    assert bend(smooth.motion) < 0.35 * bend(cornered.motion)
+
+
 def test_fill_keeps_animated_joint_positions(served):
     rig = fingered()
     clip = walk(40, 30.0, rig)

@@ -1,12 +1,9 @@
-"""One gap, or all gaps of a clip, on the user's own rig.
+"""One gap, or all gaps of a clip, on the user's own rig: candidates, the best first, and what is told of each.
 
-keys -> the 22 joints (`retarget`) -> 30 Hz (`resampling`) -> the model's roll-out (`rollout`) -> feet kept on the
-ground (`feet`) -> the user's rate -> the user's rig, unmapped joints interpolated and both keys met exactly.
-
-The roll-out arrives at the target by construction (METHOD.md part E), and feet, resampling and retargeting leave both
-ends alone. The arrival errors of :class:`Info` measure what is left in the end: the transition is made with its two
-ends, which take the same way as the frames between them, and its last frame is held against the target key: the
-largest distance of a joint, and the largest angle between the global rotations of a joint.
+How a model's transition is made is in `transition`. The roll-out arrives at the target by construction (METHOD.md part
+E), and all that follows leaves both ends alone. The arrival errors of :class:`Info` measure what is left in the end:
+the transition is made with its two ends, which take the same way as the frames between them, and its last frame is
+held against the target key: the largest distance of a joint, and the largest angle between global rotations of a joint.
 """
 
 from __future__ import annotations
@@ -20,11 +17,11 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.keys import gaps
-from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import feet, rollout
+from interpose.motion import Motion, concatenate
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
-from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
+from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps
 from interpose.runtime.session import Session
+from interpose.runtime.transition import generate
 from interpose.skeleton import HUMANOID
 
 METHODS = ("dcmoe", "interp")
@@ -115,8 +112,9 @@ def inbetween(
 ) -> list[Candidate]:
     """``variants`` candidates for the ``frames`` frames from ``start``'s last to ``target``'s first frame, best first.
 
-    The frames of ``start`` before its last are context: the model sees where the motion comes from. ``mapping`` is what
-    :func:`mapping_of` gave for the clip, where it is known. ``names`` go to the info, by default 0 and frames + 1.
+    The frames of ``start`` before its last are context: the model sees where the motion comes from. Those of ``target``
+    after its first say with what velocity to arrive. ``mapping`` is what :func:`mapping_of` gave for the clip, where it
+    is known. ``names`` go to the info, by default 0 and frames + 1.
     The best slides least on its feet and leaves and meets the keys with the least jerk.
     Raises InputError where the skeletons differ or the gap is too short or too long.
     """
@@ -130,8 +128,9 @@ def inbetween(
 def fill(clip: Motion, keys: Sequence[int], request: Request, *, variants: int = 1) -> list[Filled]:
     """``clip`` with all frames between its first and last key made anew, but for the keys; best first.
 
-    ``keys``: ascending frame numbers. What lies before a gap, known or just made, is its context, so that the motion
-    runs through a key without a stop. Raises InputError where no two neighbouring keys have a frame between them.
+    ``keys``: ascending frame numbers. What lies before a gap, known or just made, is its context, and known frames
+    after it are arrived at with their velocity, so that the motion runs through a key without a stop. Raises InputError
+    where no two neighbouring keys have a frame between them.
     """
     pairs = gaps(tuple(keys))
     if not pairs:
@@ -143,7 +142,8 @@ def fill(clip: Motion, keys: Sequence[int], request: Request, *, variants: int =
     reach = int(np.ceil((CONTEXT - 1) * clip.rate / MODEL_RATE)) + 1
     for first, last in pairs:
         starts = [row[max(0, first + 1 - reach) : first + 1] for row in rows]
-        made = _transitions(starts, clip[last], last - first - 1, request, mapping, (first, last))
+        target = clip[last : min(_known_until(last, keys, len(clip)), last + reach)]
+        made = _transitions(starts, target, last - first - 1, request, mapping, (first, last))
         for i, (candidate, cost) in enumerate(made):
             rows[i].root_positions[first + 1 : last] = candidate.motion.root_positions
             rows[i].local_rotations[first + 1 : last] = candidate.motion.local_rotations
@@ -174,15 +174,6 @@ def foot_slide(toes: np.ndarray, rate: float) -> float:
     return float((travelled * weight).sum() / max(1, np.count_nonzero(weight)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """A transition for each start, and the two ends as they come out of the same computation."""
-
-    first: Motion
-    inner: list[Motion]
-    last: Motion
-
-
 def _transitions(
     starts: list[Motion],
     target: Motion,
@@ -194,14 +185,16 @@ def _transitions(
     """A candidate and its cost for each of ``starts``, which end in the same key."""
     began = time.perf_counter()
     fallback = None if request.method == "interp" else _why_not(starts[0], frames, request, mapping)
-    if request.method == "interp" or fallback is not None:
-        first, last = aligned(starts[0][-1], target[0])
-        made = _Made(first, [interpolate(first, last, frames)] * len(starts), last)
+    first, last = aligned(starts[0][-1], target[0])
+    if request.method == "interp" or request.session is None or isinstance(mapping, str) or fallback is not None:
+        made = [concatenate(first, interpolate(first, last, frames), last)] * len(starts)
     else:
-        made = _generate(starts, target, frames, request, mapping)
+        goal = aligned(starts[0], target)[1]
+        made = generate(starts, goal, frames, request.session, mapping, request.style, request.seed)
     seconds = time.perf_counter() - began
-    position, angle = _apart(made.last, aligned(starts[0], target)[1][0])
-    slides, costs = _judge(starts, made.inner, target, mapping)
+    position, angle = _apart(made[0][-1], last)
+    inner = [motion[1:-1] for motion in made]
+    slides, costs = _judge(starts, inner, target, mapping)
     shared = Info(
         start=names[0],
         target=names[1],
@@ -217,58 +210,9 @@ def _transitions(
         fallback=fallback,
     )
     return [
-        (Candidate(inner, replace(shared, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))), cost)
-        for inner, slide, cost in zip(made.inner, slides, costs, strict=True)
+        (Candidate(motion, replace(shared, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))), cost)
+        for motion, slide, cost in zip(inner, slides, costs, strict=True)
     ]
-
-
-def _generate(
-    starts: list[Motion], target: Motion, frames: int, request: Request, mapping: retarget.Mapping | str
-) -> _Made:
-    """The model's transitions on the user's rig."""
-    assert request.session is not None
-    assert not isinstance(mapping, str)
-    count, rate = len(starts), starts[0].rate
-    first, last = aligned(starts[0][-1], target[0])
-    target22 = retarget.to_humanoid(last, mapping)
-    context = retarget.to_humanoid(concatenate(*(recent(s, CONTEXT) for s in starts)), mapping)
-    context_root = context.root_positions.reshape(count, -1, 3)
-    context_local = context.local_rotations.reshape(count, -1, len(HUMANOID), 4)
-    target_root = np.repeat(target22.root_positions, count, axis=0)
-    target_local = np.repeat(target22.local_rotations, count, axis=0)
-    roots, locals_, contacts = rollout.generate_batch(
-        request.session,
-        context_root,
-        context_local,
-        target_root,
-        target_local,
-        model_steps(frames, rate) - 1,
-        style=[request.style] * count,
-        seed=request.seed,
-        vary=True,
-    )
-    roots = np.concatenate([context_root[:, -1:], roots, target_root[:, None]], axis=1)
-    locals_ = np.concatenate([context_local[:, -1:], locals_, target_local[:, None]], axis=1)
-    locals_ = feet.plant_batch(roots, locals_, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
-    before = context_root.shape[1] - 1
-    on_grid = [
-        to_user_rate(
-            np.concatenate([context_root[i, :-1], roots[i]]),
-            np.concatenate([context_local[i, :-1], locals_[i]]),
-            before,
-            frames,
-            rate,
-        )
-        for i in range(count)
-    ]
-    # All transitions go back to the rig, ends included, in one call: that is much faster than one at a time. What the
-    # 22 joints lack (fingers, twists, animated offsets) follows the rig's own interpolation.
-    motion22 = Motion(HUMANOID, np.concatenate([r for r, _ in on_grid]), np.concatenate([q for _, q in on_grid]), rate)
-    details = sample(concatenate(first, last), np.tile(np.linspace(0.0, 1.0, frames + 2), count))
-    on_rig = retarget.from_humanoid(motion22, mapping, details)
-    size = frames + 2
-    inner = [on_rig[i * size + 1 : (i + 1) * size - 1] for i in range(count)]
-    return _Made(on_rig[0], inner, on_rig[-1])
 
 
 def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:
@@ -283,6 +227,14 @@ def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Map
     if model_steps(frames, start.rate) == 1:
         return "the gap is shorter than two of the model's frames (1/15 s)"
     return None
+
+
+def _known_until(key: int, keys: Sequence[int], frames: int) -> int:
+    """The first frame after ``key`` that is not known; after the last key all frames are."""
+    kept = set(keys)
+    while key in kept:
+        key += 1
+    return frames if key > keys[-1] else key
 
 
 def _copy(clip: Motion) -> Motion:
