@@ -49,6 +49,7 @@ def joint_positions(hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch join
 
 _FACING = torch.zeros(9, 2)
 _FACING[2, 0], _FACING[6, 0], _FACING[0, 1], _FACING[8, 1] = 1.0, -1.0, 1.0, 1.0
+_AHEAD = torch.tensor([0.0, 1e-8])
 _FRAME = torch.zeros(2, 9)
 _FRAME[0, 2], _FRAME[0, 6], _FRAME[1, 0], _FRAME[1, 8] = 1.0, -1.0, 1.0, 1.0
 _UPRIGHT = torch.zeros(9)
@@ -59,10 +60,11 @@ def facing(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 2"]:
     """The unit direction (x, z) in which the hips, of rotation ``m``, face: where their twist about the vertical turns +Z.
 
     The twist of R about y has cos ~ R00 + R22 and sin ~ R02 - R20: no branch, and sane for lying poses. A constant
-    picks them out of the matrix in one product.
+    picks them out of the matrix in one product; another, too small to matter elsewhere, makes hips that are exactly
+    upside down, which have no twist, face +Z as in `interpose.rotation.twist`.
     """
-    direction = m.flatten(-2) @ _FACING.to(m)
-    return direction / direction.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    direction = m.flatten(-2) @ _FACING.to(m) + _AHEAD.to(m)
+    return direction / direction.norm(dim=-1, keepdim=True).clamp_min(1e-12)
 
 
 def root_frame(direction: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3 3"]:
