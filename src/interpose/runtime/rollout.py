@@ -62,8 +62,13 @@ def initial_state(context: Pose, phases: Float[ndarray, "batch 13 10 2"]) -> dic
     velocity = np.zeros_like(context.positions[:, -1])
     if known > 1:
         velocity = (context.positions[:, -1] - context.positions[:, -2]) * RATE
-    past = np.zeros((count, HISTORY, CHANNELS, 2))
-    past[:, ::KEY_STEP] = phases[:, : SIDE_KEYS + 1]
+    # A window's keys move on with every frame, so the frames between them are filled too; before the context the phases
+    # are unknown, as they are in training.
+    at = np.arange(HISTORY) / KEY_STEP
+    low = np.minimum(at.astype(int), SIDE_KEYS - 1)
+    part = (at - low)[:, None, None]
+    past = (1.0 - part) * phases[:, low] + part * phases[:, low + 1]
+    past[:, : max(0, HISTORY - known)] = 0.0
     return {
         "hips": context.hips[:, -1],
         "rotations": context.rotations[:, -1],
