@@ -1,12 +1,19 @@
-"""What every test shares: the folder of real motion capture, where there is one, and how hypothesis draws."""
+"""What every test shares: real motion capture, where there is some, a small network, and how hypothesis draws."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from interpose.data.database import Database
+    from interpose.models.dcmoe import DCMoE
+    from interpose.runtime.session import Session
+    from interpose.train.sequences import Frames
 
 # The same examples on every run and every machine, and no time limit: a test fails for its content alone.
 settings.register_profile("interpose", derandomize=True, deadline=None, max_examples=60)
@@ -45,3 +52,50 @@ def style100_dir(data_dir: Path) -> Path:
 def bandai_dir(data_dir: Path, request: pytest.FixtureRequest) -> Path:
     """The BVH files of each Bandai-Namco set in turn, or skip."""
     return _data_set(data_dir, request.param)
+
+
+# What is learned, made once for all tests; torch is imported by those that need it only.
+
+
+@pytest.fixture(scope="session")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
+    """Three clips of marching figures in two styles."""
+    import learning
+
+    return learning.write_database(tmp_path_factory.mktemp("learning") / "db")
+
+
+@pytest.fixture(scope="session")
+def frames(database: Database) -> Frames:
+    """Every frame of them as tensors, with phases and mirror images."""
+    import learning
+
+    return learning.frames_of(database)
+
+
+@pytest.fixture(scope="session")
+def network(frames: Frames) -> DCMoE:
+    """A small network of random weights that says a lot; not to be changed."""
+    import learning
+
+    return learning.network_for(frames)
+
+
+@pytest.fixture(scope="session")
+def model_folder(network: DCMoE, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That network, exported; not to be changed."""
+    import learning
+
+    from interpose import export
+
+    folder = tmp_path_factory.mktemp("learning")
+    run = learning.write_run(folder / "run", network)
+    return export.export(run, folder / "marching", metrics={"valid/30": 0.9})
+
+
+@pytest.fixture(scope="session")
+def session(model_folder: Path) -> Session:
+    """The exported network, loaded."""
+    from interpose.runtime.session import load
+
+    return load(model_folder)
