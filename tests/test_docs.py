@@ -32,7 +32,9 @@ def prose(page: Path) -> str:
 
 def command_lines(page: Path) -> list[str]:
     """The lines of its shell blocks that call interpose."""
-    blocks = [body for language, body in _FENCE.findall(page.read_text(encoding="utf-8")) if language in ("sh", "bash")]
+    blocks = [
+        body for language, body in _FENCE.findall(page.read_text(encoding="utf-8")) if language in ("", "sh", "bash")
+    ]
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     return [line.strip() for line in lines if re.match(r"(\./)?interpose\s", line.strip())]
 

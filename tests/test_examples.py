@@ -13,7 +13,9 @@ from commandline import bvh_text
 
 import interpose
 from interpose.features import state_shapes
-from interpose.runtime.session import Session
+from interpose.rotation import IDENTITY, from_rotation_vector
+from interpose.runtime.rollout import generate_batch
+from interpose.runtime.session import Session, installed, load
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -59,6 +61,22 @@ def test_styles_and_variants(run, tmp_path):
     said = run("02_styles_and_variants.py", "--variants", "2")
     assert [line.split()[0] for line in said.splitlines()[:4]] == ["Angry", "Angry", "free", "free"]
     assert (tmp_path / "styles.png").stat().st_size > 10_000
+
+
+def test_onnx_alone_agrees_with_the_package(tmp_path, monkeypatch):
+    if not installed():
+        pytest.skip("needs an installed model, and there is none in the package")
+    folder, out = installed()[0], tmp_path / "made.npz"
+    monkeypatch.setattr(sys, "argv", ["04_onnx_alone.py", str(folder), "--frames", "20", "-o", str(out)])
+    runpy.run_path(str(EXAMPLES / "04_onnx_alone.py"), run_name="__main__")
+    places = np.array([[[0.0, 0.93, 0.0]], [[0.0, 0.93, 2.0]]])
+    local = np.tile(IDENTITY, (2, 1, 22, 1))
+    local[1, 0, 0] = from_rotation_vector(np.array([0.0, np.pi / 2.0, 0.0]))
+    session = load(folder)
+    hips, _, contacts = generate_batch(session, places[:1], local[:1], places[1], local[1], frames=20)
+    with np.load(out) as made:
+        np.testing.assert_allclose(made["hips"], hips[0], atol=1e-4)
+        np.testing.assert_allclose(made["contacts"], contacts[0], atol=1e-3)
 
 
 def test_game_loop(run, tmp_path):
