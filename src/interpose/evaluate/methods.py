@@ -96,8 +96,7 @@ def from_model(
     loaded, or where the skeleton is no humanoid.
     """
     from interpose import retarget
-    from interpose.runtime import session
-    from interpose.runtime.transition import transitions
+    from interpose.runtime import feet, rollout, session
 
     loaded = session.load(model)
     mapping = retarget.plan(skeleton)
@@ -126,8 +125,13 @@ def from_model(
         start = to_humanoid(context_root, context_local)
         end_root, end_local = to_humanoid(target_root[:, None], target_local[:, None])
         end = end_root[:, 0], end_local[:, 0]
-        made_root, made_local = transitions(loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed)
-        root, local = from_humanoid(made_root[:, 1:-1], made_local[:, 1:-1])
+        made_root, made_local, contacts = rollout.generate_batch(
+            loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
+        )
+        whole_root = np.concatenate([start[0][:, -1:], made_root, end_root], axis=1)
+        whole_local = np.concatenate([start[1][:, -1:], made_local, end_local], axis=1)
+        planted = feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
+        root, local = from_humanoid(made_root, planted[:, 1:-1])
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)

@@ -116,6 +116,17 @@ class ExpertLinear(nn.Module):
         return (gate[:, None, :].to(outputs.dtype) @ outputs)[:, 0]
 
 
+def _paper_input() -> Tensor:
+    """1 for the features that the paper has, 0 for ours, which the absolute form does not see."""
+    seen = torch.zeros(EXPERT_INPUT.width)
+    for name in ("position", "rotation", "velocity", "target_position", "target_rotation", "trajectory"):
+        seen[EXPERT_INPUT.slices()[name]] = 1.0
+    return seen
+
+
+PAPER_INPUT = _paper_input()
+
+
 class Network(nn.Module):
     """Experts of three layers and the gate of three, SiLU between them (section 3.1)."""
 
@@ -222,6 +233,8 @@ class DCMoE(nn.Module):
         """The next state and the prediction behind it. ``mask`` (batch, expert input) hides normalised features."""
         x, led, frame, origin = self.features(state, control)
         x = ((x - self.mean) / self.std).clamp(-6.0, 6.0)
+        if self.size.absolute:
+            x = x * PAPER_INPUT.to(x)
         if mask is not None:
             x = x * mask
         phases = torch.cat([state.phase_past[:, ::KEY_STEP], state.phase_future], dim=1)

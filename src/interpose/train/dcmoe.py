@@ -9,7 +9,7 @@ equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +20,20 @@ from torch import Tensor
 from interpose.data import database
 from interpose.data.database import Database
 from interpose.errors import InputError
-from interpose.features import EXPERT_INPUT, JOINTS, KEY_STEP, SIDE_KEYS
+from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
 from interpose.train.sequences import (
+    PLAIN,
     Frames,
+    Keys,
     Rows,
     Sampling,
     base_window,
     control,
     draw,
     load_frames,
+    poses,
     replace_rows,
     truth,
 )
@@ -132,25 +135,35 @@ def train(
     device: str = "cpu",
     seed: int = 0,
     stages: tuple[Stage, ...] | None = None,
+    foreign_keys: float | None = None,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
 
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
-    10, 3); without them phases are unknown throughout. Raises InputError for an unknown preset, databases that do not
-    load, phases that do not fit, and a run folder of another config.
+    10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
+    upper body, which makes the style label matter (`interpose.train.sequences.poses`). Raises InputError for an unknown preset, databases that do not
+    load or are too short, phases that do not fit, and a run folder of another config.
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    if phases is not None and len(phases) != len(data):
+        raise InputError(f"{len(phases)} files of phases for {len(data)} databases; give one each, in the same order")
     loaded = [database.load(path) for path in data]
+    chosen = PRESETS[preset]
+    if foreign_keys is not None:
+        chosen = replace(chosen, sampling=replace(chosen.sampling, foreign_keys=foreign_keys))
     config = replace(
-        PRESETS[preset],
+        chosen,
         seed=seed,
-        stages=stages or PRESETS[preset].stages,
+        stages=stages or chosen.stages,
         databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
         styles=tuple(sorted({s for d in loaded for s in d.styles})),
         phases=phases is not None,
         licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
     )
+    for of in loaded:
+        if np.diff(of.ranges).max() < HISTORY:
+            raise InputError(f"{of.path}: no clip is longer than a second; prepare longer ones")
     arrays = [None] * len(loaded) if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
     training = _join([load_frames(d, p, list(config.styles), split(d)[0]) for d, p in zip(loaded, arrays, strict=True)])
     held_out = _join([load_frames(d, p, list(config.styles), split(d)[1]) for d, p in zip(loaded, arrays, strict=True)])
@@ -158,9 +171,12 @@ def train(
 
 
 def split(data: Database, held_out: float = 0.06, least: int = 130) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Frame ranges for training and for validation: the end of every clip long enough to spare it."""
+    """Frame ranges for training and for validation: the end of every clip long enough to spare it. A clip of one frame
+    is in neither."""
     training, validating = [], []
     for start, stop in data.ranges.tolist():
+        if stop - start < 2:
+            continue
         tail = max(least, round(held_out * (stop - start)))
         cut = stop - tail if stop - start >= 8 * least else stop
         training.append((start, cut))
@@ -217,10 +233,14 @@ def unroll(
     sums: dict[str, Tensor] = {}
     total = torch.zeros((), device=data.hips.device)
     base = base_window(data, rows, length)
+    steps = rows.gone[:, None] + torch.arange(length + 1, device=data.hips.device)
+    steps = torch.cat([steps, rows.total[:, None]], dim=1)
+    turned, placed = poses(data, rows.start, rows.total, rows.keys, steps)
     for i in range(length):
         here = rows.state.positions
-        after, said = model(rows.state, control(data, rows, base[i], base[i + 1]), mask)
-        real = truth(data, rows, said.frame, said.origin)
+        steer = control(data, rows, base[i], base[i + 1], turned[:, -1], placed[:, -1])
+        after, said = model(rows.state, steer, mask)
+        real = truth(data, rows, turned[:, i + 1], placed[:, i + 1], placed[:, i], said.frame, said.origin)
         here = (here - said.origin[:, None]) @ said.frame
         loss, each = losses.paper(said, real, here) if config.absolute else losses.unrolled(said, real, here, config.weights)
         total = total + loss / length
@@ -251,11 +271,14 @@ def set_statistics(model: DCMoE, data: Frames, config: Config, generator: torch.
     """Means and deviations of features and outputs over a sample of rows, into the model's buffers."""
     rows = draw(data, count, len(config.styles), config.sampling, generator)
     base = base_window(data, rows, 1)
-    x, _, frame, origin = model.features(rows.state, control(data, rows, base[0], base[1]))
+    steps = torch.stack([rows.gone, rows.gone + 1, rows.total], dim=1)
+    turned, placed = poses(data, rows.start, rows.total, rows.keys, steps)
+    steer = control(data, rows, base[0], base[1], turned[:, 2], placed[:, 2])
+    x, _, frame, origin = model.features(rows.state, steer)
     model.mean.copy_(x.mean(dim=0))
     deviation = x.std(dim=0)
     model.std.copy_(torch.where(deviation < 1e-4, 1.0, deviation.clamp_min(1e-2)))
-    real = truth(data, rows, frame, origin)
+    real = truth(data, rows, turned[:, 1], placed[:, 1], placed[:, 0], frame, origin)
     where = model.layout.slices()
     measured = {
         "velocity": real.velocities,
@@ -292,8 +315,11 @@ def _rows(extra: dict, data: Frames, stage: Stage, config: Config, generator: to
     kept: dict | None = extra.get("rows")
     if kept is None or len(kept["start"]) != stage.rows or stage.unroll == 1:
         return draw(data, stage.rows, len(config.styles), config.sampling, generator)
-    fields = {k: v.to(device) for k, v in kept.items() if k not in State._fields}
-    rows = Rows(**fields, state=State(*(kept[k].to(device) for k in State._fields)))
+    rows = Rows(
+        **{k: kept[k].to(device) for k in PLAIN},
+        keys=Keys(**{f.name: kept[f.name].to(device) for f in fields(Keys)}),
+        state=State(*(kept[k].to(device) for k in State._fields)),
+    )
     ended = rows.total - rows.gone <= 1
     drawn = torch.rand(stage.rows, generator=generator, device=device)
     wanted = max(int(ended.sum()), round(config.fresh * stage.rows))
@@ -303,8 +329,8 @@ def _rows(extra: dict, data: Frames, stage: Stage, config: Config, generator: to
 
 
 def _keep(extra: dict, rows: Rows) -> None:
-    kept = {k: getattr(rows, k) for k in ("start", "gone", "total", "path_known", "style")}
-    extra["rows"] = kept | rows.state._asdict()
+    keys = {f.name: getattr(rows.keys, f.name) for f in fields(Keys)}
+    extra["rows"] = {k: getattr(rows, k) for k in PLAIN} | keys | rows.state._asdict()
 
 
 def _phases(path: Path, data: Database) -> Float[np.ndarray, "2 frame 10 3"]:

@@ -12,17 +12,34 @@ from dataclasses import dataclass, fields
 import numpy as np
 import roma
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from interpose import rotation
 from interpose.data.database import Database
-from interpose.features import HISTORY, KEY_STEP, LONGEST, RATE, SIDE_KEYS
+from interpose.features import HISTORY, JOINTS, KEY_STEP, LONGEST, RATE, SIDE_KEYS
 from interpose.models.dcmoe import Control, State
 from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.motion import Motion, mirror
 from interpose import skeleton as kinematics
 from interpose.skeleton import HUMANOID
+
+UPPER = slice(HUMANOID.index("Spine"), len(HUMANOID))
+"""Spine, head and arms: what may be somebody else's at the keys."""
+EASE = 15.0
+"""Frames over which a foreign upper body gives way."""
+
+
+def _at_ease() -> Tensor:
+    """(22, 4): the T-pose with its arms hanging down, elbows a little bent."""
+    turns = np.zeros((len(HUMANOID), 3))
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        turns[HUMANOID.index(f"{side}Arm")] = (0.0, 0.0, -1.3 * sign)
+        turns[HUMANOID.index(f"{side}ForeArm")] = (0.0, -0.3 * sign, 0.0)
+    return torch.tensor(rotation.from_rotation_vector(turns), dtype=torch.float32)
+
+
+AT_EASE = _at_ease()
 
 
 @dataclass(frozen=True)
@@ -108,20 +125,34 @@ def interpolation(
     hips = start_hips[:, None] * (1.0 - weight) + target_hips[:, None] * weight
     turn = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_inverse(start_local), target_local), shortest_arc=True)
     step = roma.rotvec_to_unitquat(turn[:, None] * weight[..., None])
-    local = roma.unitquat_to_rotmat(roma.quat_product(start_local[:, None].expand_as(step), step))
-    world = [local[:, :, 0]]
+    local = roma.quat_product(start_local[:, None].expand_as(step), step)
+    return torch.cat([hips, to_six(world_matrices(local)).flatten(2)], dim=-1)
+
+
+def world_matrices(local: Float[Tensor, "*batch 22 4"]) -> Float[Tensor, "*batch 22 3 3"]:
+    """``q_world_joint`` as matrices from ``q_parent_joint``."""
+    turned = roma.unitquat_to_rotmat(local)
+    world = [turned[..., 0, :, :]]
     for joint, parent in enumerate(HUMANOID.parents[1:], start=1):
-        world.append(world[parent] @ local[:, :, joint])
-    matrices = torch.stack(world, dim=2)
-    six = torch.cat([matrices[..., 0], matrices[..., 1]], dim=-1)
-    return torch.cat([hips, six.flatten(2)], dim=-1)
+        world.append(world[parent] @ turned[..., joint, :, :])
+    return torch.stack(world, dim=-3)
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The two key poses of each row: the database's, or with the upper body of somebody else (`foreign`)."""
+
+    foreign: Bool[Tensor, "row"]
+    start_local: Float[Tensor, "row 22 4"]
+    target_local: Float[Tensor, "row 22 4"]
 
 
 @dataclass
 class Rows:
-    """Roll-outs in progress. Fields are rewritten row by row as gaps end.
+    """Roll-outs in progress; fields are rewritten row by row as gaps end.
 
-    start, gone, total: first frame, frames gone and frames from start to target. path_known, style: what the row was told.
+    start, gone, total: first frame, frames gone and frames from start to target. path_known, style: what the row was
+    told.
     """
 
     start: Int[Tensor, "row"]
@@ -129,7 +160,12 @@ class Rows:
     total: Int[Tensor, "row"]
     path_known: Float[Tensor, "row 1"]
     style: Float[Tensor, "row style"]
+    keys: Keys
     state: State
+
+
+PLAIN = ("start", "gone", "total", "path_known", "style")
+"""The fields of :class:`Rows` that are one tensor each."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +185,8 @@ class Sampling:
     """metres"""
     longest: int = LONGEST
     """frames from start to target at most"""
+    foreign_keys: float = 0.0
+    """of rows with a lone start or from inside a gap: the keys' upper bodies are somebody else's (see `poses`)"""
 
 
 def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch.Generator) -> Rows:
@@ -177,40 +215,114 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
     label = torch.where(uniform(count) < rule.style_dropout, 0, data.style[start])
     style[torch.arange(count, device=device), label] = 1.0
 
+    foreign = (uniform(count) < rule.foreign_keys) & (lone | inside) & (data.style[start] > 0)
+    style[foreign] = torch.nn.functional.one_hot(data.style[start[foreign]], styles + 1).float()
+    donors = torch.stack([_donor(data, uniform(count), uniform(count, 1, 1)) for _ in range(2)])
+    upper = torch.zeros(JOINTS, 1, dtype=torch.bool, device=device)
+    upper[UPPER] = True
+    taken = foreign[:, None, None] & upper
+    keys = Keys(
+        foreign,
+        torch.where(taken, donors[0], data.local[start]),
+        torch.where(taken, donors[1], data.local[start + total]),
+    )
+    path_known = (uniform(count, 1) < rule.path).float()
+    around = torch.stack([(gone - 1).clamp_min(0), gone], dim=1)
+    turned, placed = poses(data, start, total, keys, around)
+
     def normal(*shape: int) -> Tensor:
         return torch.randn(*shape, generator=generator, device=device) * noisy.view(-1, *[1] * (len(shape) - 1))
 
     hips = data.hips[now] + normal(count, 3) * rule.hips_noise
-    matrices = to_matrix(data.rotations[now] + normal(count, 22, 6) * rule.rotation_noise)
-    state = fresh_state(data, now, lowest, hips, matrices, known_phase)
-    path_known = (uniform(count, 1) < rule.path).float()
-    return Rows(start, gone, total, path_known, style, state)
+    matrices = to_matrix(turned[:, 1] + normal(count, 22, 6) * rule.rotation_noise)
+    before = torch.where((foreign & inside)[:, None, None], placed[:, 0], data.positions[torch.maximum(now - 1, lowest)])
+    state = fresh_state(data, now, lowest, hips, matrices, before, known_phase)
+    return Rows(start, gone, total, path_known, style, keys, state)
 
 
-def fresh_state(data: Frames, now: Tensor, lowest: Tensor, hips: Tensor, matrices: Tensor, known_phase: Tensor) -> State:
-    """The state at frame ``now`` of which frames from ``lowest`` on are known; earlier ones repeat it at rest."""
+def _donor(data: Frames, which: Float[Tensor, "row"], share: Float[Tensor, "row 1 1"]) -> Float[Tensor, "row 22 4"]:
+    """Local rotations of random frames, drawn part of the way to a figure whose arms hang down."""
+    frame = (which * len(data)).long()
+    return nlerp(data.local[frame], AT_EASE.to(data.local).expand(len(frame), -1, -1), share)
+
+
+def nlerp(
+    a: Float[Tensor, "*#batch 4"], b: Float[Tensor, "*#batch 4"], t: Float[Tensor, "*#batch 1"]
+) -> Float[Tensor, "*batch 4"]:
+    """Linear interpolation of quaternions along the shorter arc, normalised."""
+    near = torch.where((a * b).sum(dim=-1, keepdim=True) < 0.0, -b, b)
+    mixed = a + (near - a) * t
+    return mixed / mixed.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+
+
+def poses(
+    data: Frames, start: Int[Tensor, "row"], total: Int[Tensor, "row"], keys: Keys, gone: Int[Tensor, "row time"]
+) -> tuple[Float[Tensor, "row time 22 6"], Float[Tensor, "row time 22 3"]]:
+    """The true rotations and joint positions of each row, ``gone`` frames after its start (clamped at its target).
+
+    Where the keys are foreign, their upper bodies ease into the database's motion over half a second at most, and out of
+    it again. That is how a style is made to matter (METHOD.md E: start and target already determine much): the keys no
+    longer tell it, the label does.
+    """
+    gone = torch.minimum(gone, total[:, None])
+    index = start[:, None] + gone
+    rotations, positions = data.rotations[index], data.positions[index]
+    row = torch.nonzero(keys.foreign)[:, 0]
+    if len(row):
+        since, whole = gone[row].float(), total[row, None].float()
+        ramp = torch.clamp(whole / 2.0, max=EASE)
+        into, out = _smooth(since / ramp), _smooth((whole - since) / ramp)
+        local = data.local[index[row]]
+        local = nlerp(keys.start_local[row, None], local, into[..., None, None])
+        local = nlerp(keys.target_local[row, None], local, out[..., None, None])
+        local[:, :, :UPPER.start] = data.local[index[row]][:, :, : UPPER.start]
+        shape = local.shape[:2]
+        matrices = world_matrices(local.flatten(0, 1))
+        rotations[row] = to_six(matrices).unflatten(0, shape)
+        positions[row] = joint_positions(data.hips[index[row]].flatten(0, 1), matrices).unflatten(0, shape)
+    return rotations, positions
+
+
+def _smooth(t: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+    t = t.clamp(0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def fresh_state(
+    data: Frames,
+    now: Int[Tensor, "row"],
+    lowest: Int[Tensor, "row"],
+    hips: Float[Tensor, "row 3"],
+    matrices: Float[Tensor, "row 22 3 3"],
+    before: Float[Tensor, "row 22 3"],
+    known_phase: Bool[Tensor, "row"],
+) -> State:
+    """The state at frame ``now`` of which frames from ``lowest`` on are known; earlier ones repeat it at rest.
+
+    ``hips``, ``matrices``: the pose; ``before``: the joints one frame earlier.
+    """
     device = data.hips.device
     back = torch.arange(HISTORY, -1, -1, device=device)
     index = torch.maximum(now[:, None] - back, lowest[:, None])
     track = torch.cat([data.hips[index][..., ::2], data.facing[index]], dim=-1)
-    before = torch.maximum(now - 1, lowest)
-    known = (before < now).float()[:, None]
+    known = (lowest < now).float()[:, None]
     positions = joint_positions(hips, matrices)
-    velocity = positions - data.positions[before]
+    velocities = (positions - before) * (RATE * known[..., None])
     past = now[:, None] - back[1:]
     real = (past >= lowest[:, None]) & known_phase[:, None]
     phase_past = data.phases[torch.maximum(past, lowest[:, None])][..., :2] * real[..., None, None]
     ahead = now[:, None] + KEY_STEP * torch.arange(1, SIDE_KEYS + 1, device=device)
     ahead = torch.minimum(ahead, data.last[now][:, None])
     phase_future = data.phases[ahead][..., :2] * known_phase[:, None, None, None]
-    velocities = velocity * RATE * known[..., None]
     return State(hips, to_six(matrices), positions, velocities, known, track, phase_past, phase_future)
 
 
 def replace_rows(rows: Rows, fresh: Rows, where: Int[Tensor, "index"]) -> None:
     """Puts ``fresh`` into ``rows`` at the indices ``where``."""
-    for field in ("start", "gone", "total", "path_known", "style"):
+    for field in PLAIN:
         getattr(rows, field)[where] = getattr(fresh, field)
+    for field in (f.name for f in fields(Keys)):
+        getattr(rows.keys, field)[where] = getattr(fresh.keys, field)
     rows.state = State(*(old.index_copy(0, where, new) for old, new in zip(rows.state, fresh.state, strict=True)))
 
 
@@ -219,12 +331,18 @@ def base_window(data: Frames, rows: Rows, length: int) -> Float[Tensor, "time ro
     steps = rows.gone[:, None] + torch.arange(length + 1, device=rows.gone.device)
     parts = (steps / rows.total[:, None]).clamp(max=1.0)
     start, target = rows.start, rows.start + rows.total
-    poses = interpolation(data.hips[start], data.local[start], data.hips[target], data.local[target], parts)
-    return poses.transpose(0, 1).contiguous()
+    keys = rows.keys
+    base = interpolation(data.hips[start], keys.start_local, data.hips[target], keys.target_local, parts)
+    return base.transpose(0, 1).contiguous()
 
 
 def control(
-    data: Frames, rows: Rows, base: Float[Tensor, "row pose"], base_next: Float[Tensor, "row pose"]
+    data: Frames,
+    rows: Rows,
+    base: Float[Tensor, "row pose"],
+    base_next: Float[Tensor, "row pose"],
+    target_rotations: Float[Tensor, "row 22 6"],
+    target_positions: Float[Tensor, "row 22 3"],
 ) -> Control:
     """What steers the next step of each row; the path is the true root's (clamped at the target), with its flag."""
     target = rows.start + rows.total
@@ -233,8 +351,8 @@ def control(
     ahead = now[:, None] + KEY_STEP * torch.arange(1, SIDE_KEYS + 1, device=now.device)
     return Control(
         target_hips=data.hips[target],
-        target_rotations=data.rotations[target],
-        target_positions=data.positions[target],
+        target_rotations=target_rotations,
+        target_positions=target_positions,
         base=base,
         base_next=base_next,
         frames_left=(rows.total - gone).float()[:, None],
@@ -268,12 +386,22 @@ class Truth:
     within: Float[Tensor, "row key"]
 
 
-def truth(data: Frames, rows: Rows, frame: Float[Tensor, "row 3 3"], origin: Float[Tensor, "row 3"]) -> Truth:
-    """What really came next, for rows about to step from ``gone`` to ``gone + 1``."""
+def truth(
+    data: Frames,
+    rows: Rows,
+    rotations: Float[Tensor, "row 22 6"],
+    positions: Float[Tensor, "row 22 3"],
+    before: Float[Tensor, "row 22 3"],
+    frame: Float[Tensor, "row 3 3"],
+    origin: Float[Tensor, "row 3"],
+) -> Truth:
+    """What really came next, for rows about to step from ``gone`` to ``gone + 1``.
+
+    ``rotations``, ``positions``: of that frame, as :func:`poses` gives them; ``before``: the positions one earlier.
+    """
     target = rows.start + rows.total
     now = torch.minimum(rows.start + rows.gone + 1, target)
-    here = data.positions[now]
-    velocity = (here - data.positions[now - 1]) * RATE
+    velocity = (positions - before) * RATE
     keys = now[:, None] + KEY_STEP * torch.arange(SIDE_KEYS + 1, device=now.device)
     index = torch.minimum(keys, data.last[now][:, None])
     trajectory = root_keys(data, index)
@@ -281,8 +409,8 @@ def truth(data: Frames, rows: Rows, frame: Float[Tensor, "row 3 3"], origin: Flo
     ground = frame[:, ::2, ::2]
     trajectory = (trajectory.reshape(len(now), -1, 2) @ ground).reshape(trajectory.shape)
     return Truth(
-        positions=(here - origin[:, None]) @ frame,
-        rotations=(data.rotations[now].reshape(len(now), -1, 3) @ frame).reshape(len(now), 22, 6),
+        positions=(positions - origin[:, None]) @ frame,
+        rotations=(rotations.reshape(len(now), -1, 3) @ frame).reshape(len(now), 22, 6),
         velocities=velocity @ frame,
         contacts=data.contacts[index],
         trajectory=trajectory,

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from interpose.models.dcmoe import DCMoE
 from interpose.models.geometry import joint_positions, to_matrix
-from interpose.train.sequences import Frames, Rows, Sampling, base_window, control, fresh_state
+from interpose.train.sequences import Frames, Keys, Rows, Sampling, base_window, control, fresh_state
 
 GAPS = (5, 15, 30, 45, 60, 90)
 
@@ -21,9 +21,11 @@ def fixed_rows(data: Frames, gap: int, count: int, styles: int) -> Rows:
     style = torch.zeros(count, styles + 1, device=start.device)
     style[:, 0] = 1.0
     unknown = torch.zeros(count, dtype=torch.bool, device=start.device)
-    state = fresh_state(data, start, start, data.hips[start], to_matrix(data.rotations[start]), unknown)
+    keys = Keys(unknown, data.local[start], data.local[start + total])
+    here = data.positions[start]
+    state = fresh_state(data, start, start, data.hips[start], to_matrix(data.rotations[start]), here, unknown)
     whole = torch.full_like(start, total)
-    return Rows(start, torch.zeros_like(start), whole, torch.zeros_like(style[:, :1]), style, state)
+    return Rows(start, torch.zeros_like(start), whole, torch.zeros_like(style[:, :1]), style, keys, state)
 
 
 @torch.no_grad()
@@ -32,8 +34,10 @@ def roll_out(model: DCMoE, data: Frames, rows: Rows) -> Float[Tensor, "row frame
     out = []
     steps = int(rows.total[0])
     base = base_window(data, rows, steps)
+    target = rows.start + rows.total
     for i in range(steps - 1):
-        rows.state, _ = model(rows.state, control(data, rows, base[i], base[i + 1]))
+        steer = control(data, rows, base[i], base[i + 1], data.rotations[target], data.positions[target])
+        rows.state, _ = model(rows.state, steer)
         out.append(rows.state.positions)
         rows.gone = rows.gone + 1
     return torch.stack(out, dim=1)
