@@ -40,7 +40,7 @@ def model(tmp_path_factory, monkeypatch):
         left = feed["frames_left"]
         pose = np.concatenate([feed["hips"], feed["rotations"].reshape(len(left), -1)], axis=-1)
         after = feed["base_next"] + (left - 1) / left * (pose - feed["base"])
-        after[:, :1] += 0.001 * feed["phase_past"][:, 0, :1, 0] * (left > 1)
+        after[:, :1] += 0.001 * feed["phase_past"][:, -1, :1, 0] * (left > 1)
         said = {f"next_{name}": feed[name] for name in state_shapes()}
         said |= {"next_hips": after[:, :3], "next_rotations": after[:, 3:].reshape(-1, 22, 6)}
         return said | {"contacts": np.zeros((len(left), 4), np.float32), "next_path": feed["path"]}
