@@ -269,8 +269,9 @@ def test_a_model_fills_a_clip(tmp_path, run, clip, model):
     assert first[20] != second[20]
 
 
-@pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("frames", [1, 40, 600])
+@pytest.mark.parametrize(
+    ("rate", "frames"), [*((rate, 1) for rate in RATES), *((rate, 40) for rate in RATES), (24, 600), (120, 600)]
+)
 def test_a_model_at_any_rate(tmp_path, run, model, rate, frames):
     source, out = tmp_path / "in.bvh", tmp_path / "out.bvh"
     source.write_text(bvh_text(100, RATES[rate]))
