@@ -7,6 +7,7 @@ A skeleton is names, parents and offsets; poses are arrays beside it. ``q_parent
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -56,14 +57,24 @@ class Skeleton:
         return self.names.index(name)
 
 
+@lru_cache(maxsize=256)
+def _levels(parents: tuple[int, ...]) -> tuple[tuple[list[int], list[int]], ...]:
+    """The joints at each depth below the root, with their parents."""
+    depth = [0] * len(parents)
+    for joint, parent in enumerate(parents[1:], start=1):
+        depth[joint] = depth[parent] + 1
+    levels = [[j for j, d in enumerate(depth) if d == level] for level in range(1, max(depth) + 1)]
+    return tuple((joints, [parents[j] for j in joints]) for joints in levels)
+
+
 def global_rotations(
     local: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
 ) -> Float[ndarray, "*batch joint 4"]:
-    """``q_world_joint`` from ``q_parent_joint``."""
-    out = [local[..., 0, :]]
-    for joint, parent in enumerate(parents[1:], start=1):
-        out.append(rotation.multiply(out[parent], local[..., joint, :]))
-    return np.stack(out, axis=-2)
+    """``q_world_joint`` from ``q_parent_joint``, one product a level of the tree."""
+    world = np.array(local, dtype=float)
+    for joints, above in _levels(parents):
+        world[..., joints, :] = rotation.multiply(world[..., above, :], local[..., joints, :])
+    return world
 
 
 def local_rotations(
@@ -87,10 +98,10 @@ def global_positions(
     """
     index = np.array(parents[1:], dtype=int)
     bones = rotation.rotate(world[..., index, :], translations[..., 1:, :])
-    out = [root]
-    for joint, parent in enumerate(parents[1:], start=1):
-        out.append(out[parent] + bones[..., joint - 1, :])
-    return np.stack(out, axis=-2)
+    out = np.concatenate([root[..., None, :], bones], axis=-2)
+    for joints, above in _levels(parents):
+        out[..., joints, :] += out[..., above, :]
+    return out
 
 
 def local_translations(
