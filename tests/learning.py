@@ -13,16 +13,17 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from interpose import rotation
 from interpose.data import database, root
 from interpose.data.database import ClipArrays, ClipInfo, Database
 from interpose.features import CHANNELS, RATE
-from interpose.models.dcmoe import DCMoE, Size
+from interpose.models.dcmoe import Control, DCMoE, Size
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 from interpose.train import checkpoint, dcmoe, loop
-from interpose.train.sequences import Frames, load_frames
+from interpose.train.sequences import Frames, Rows, Truth, base_window, control, load_frames, poses, truth
 
 STYLES = ("Old", "Young")
 LENGTHS = (150, 90, 120)
@@ -118,3 +119,16 @@ def write_run(folder: Path, model: DCMoE, config: dcmoe.Config = CONFIG, step: i
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
     checkpoint.save(folder, checkpoint.State(parts), step, config)
     return folder
+
+
+def steering(data: Frames, rows: Rows) -> Control:
+    """What steers the next step of each row."""
+    base = base_window(data, rows, 1)
+    turned, placed = poses(data, rows.start, rows.total, rows.keys, rows.total[:, None])
+    return control(data, rows, base[0], base[1], turned[:, 0], placed[:, 0])
+
+
+def coming(data: Frames, rows: Rows, frame: Tensor, origin: Tensor) -> Truth:
+    """What the next step of each row should give, in its root frame."""
+    turned, placed = poses(data, rows.start, rows.total, rows.keys, torch.stack([rows.gone, rows.gone + 1], dim=1))
+    return truth(data, rows, turned[:, 1], placed[:, 1], placed[:, 0], frame, origin)

@@ -26,7 +26,7 @@ from interpose.features import (
 from interpose.models.dcmoe import Control, DCMoE, ExpertLinear, Network, Size, State, time_to_arrival, unknown_phases
 from interpose.models.geometry import facing, joint_positions, to_matrix
 from interpose.skeleton import HUMANOID
-from interpose.train.sequences import Sampling, base_window, control, draw
+from interpose.train.sequences import Sampling, base_window, draw
 
 BATCH = 6
 
@@ -36,8 +36,7 @@ def situation(frames):
     """A state and what steers it, in double precision, from the middle of real gaps; the paths are given."""
     rule = Sampling(lone_start=0.0, context_start=0.0, path=1.0, phase_known_inside=1.0, style_dropout=0.0)
     rows = draw(frames, BATCH, len(learning.STYLES), rule, torch.Generator().manual_seed(4))
-    base = base_window(frames, rows, 1)
-    steer = control(frames, rows, base[0], base[1])
+    steer = learning.steering(frames, rows)
     return State(*(x.double() for x in rows.state)), Control(*(x.double() for x in steer))
 
 
@@ -146,7 +145,7 @@ def test_a_silent_network_leaves_the_interpolation(network, frames):
     rows = draw(frames, 8, 2, Sampling(lone_start=1.0, context_start=0.0), torch.Generator().manual_seed(1))
     base = base_window(frames, rows, 40)
     for i in range(40):
-        rows.state, _ = model(rows.state, control(frames, rows, base[i], base[i + 1]))
+        rows.state, _ = model(rows.state, learning.steering(frames, rows))
         rows.gone = torch.minimum(rows.gone + 1, rows.total)
         torch.testing.assert_close(rows.state.hips, base[i + 1, :, :3], atol=2e-5, rtol=0)
         torch.testing.assert_close(rows.state.rotations.flatten(1), base[i + 1, :, 3:], atol=2e-5, rtol=0)
@@ -169,8 +168,7 @@ def test_an_error_decays_linearly_and_the_network_adds_in_the_root_frame(double,
 def test_arrival_is_exact_whatever_the_network_says(network, frames):
     rows = draw(frames, 32, 2, Sampling(), torch.Generator().manual_seed(2))
     rows.gone = rows.total - 1
-    base = base_window(frames, rows, 1)
-    steer = control(frames, rows, base[0], base[1])
+    steer = learning.steering(frames, rows)
     after, _ = network(rows.state, steer)
     target = rows.start + rows.total
     torch.testing.assert_close(after.hips, frames.hips[target], atol=1e-6, rtol=0)

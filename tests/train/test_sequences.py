@@ -14,22 +14,22 @@ from interpose.models.geometry import facing, root_frame, to_matrix
 from interpose.runtime import rollout
 from interpose.skeleton import HUMANOID, MIRROR
 from interpose.train.sequences import (
-    Rows,
+    EASE,
+    UPPER,
     Sampling,
     base_window,
     clip_motion,
-    control,
     draw,
     fresh_state,
     load_frames,
+    poses,
     replace_rows,
-    truth,
 )
 
 CLEAN = Sampling(rotation_noise=0.0, hips_noise=0.0)
 
 
-def drawn(frames, count=64, rule=CLEAN, seed=0) -> Rows:
+def drawn(frames, count=64, rule=CLEAN, seed=0):
     return draw(frames, count, len(learning.STYLES), rule, torch.Generator().manual_seed(seed))
 
 
@@ -171,7 +171,8 @@ def test_training_starts_where_the_run_time_starts(database, frames, known, with
     matrices = to_matrix(frames.rotations[now])
     steady = replace(frames, phases=torch.arange(len(frames))[:, None, None] * torch.linspace(0.1, 1.0, 30).view(10, 3))
     told = torch.full((4,), with_phases)
-    wanted = fresh_state(steady, now, now - known + 1, frames.hips[now], matrices, told)
+    before = frames.positions[now - min(known - 1, 1)]
+    wanted = fresh_state(steady, now, now - known + 1, frames.hips[now], matrices, before, told)
 
     local = torch.stack([frames.local[now - known + 1 + i] for i in range(known)], dim=1).double().numpy()
     hips = torch.stack([frames.hips[now - known + 1 + i] for i in range(known)], dim=1).double().numpy()
@@ -209,7 +210,7 @@ def test_the_truth_of_a_step_is_the_next_frame(frames):
     now = rows.start + rows.gone
     origin = rows.state.hips * torch.tensor([1.0, 0.0, 1.0])
     frame = root_frame(facing(to_matrix(rows.state.rotations[:, 0])))
-    real = truth(frames, rows, frame, origin)
+    real = learning.coming(frames, rows, frame, origin)
     torch.testing.assert_close(real.positions @ frame.mT + origin[:, None], frames.positions[now + 1])
     moved = (frames.positions[now + 1] - frames.positions[now]) * RATE
     torch.testing.assert_close(real.velocities @ frame.mT, moved, atol=1e-4, rtol=0)
@@ -231,12 +232,12 @@ def test_the_step_into_the_target_is_not_learned(frames):
     frame, origin = torch.eye(3).expand(20, 3, 3), torch.zeros(20, 3)
     for left, alive in ((2, 1.0), (1, 0.0), (0, 0.0)):
         rows.gone = rows.total - left
-        assert set(truth(frames, rows, frame, origin).alive.tolist()) == {alive}
+        assert set(learning.coming(frames, rows, frame, origin).alive.tolist()) == {alive}
 
 
 def test_what_steers_is_the_target_and_the_true_path(frames):
     rows = drawn(frames, 100)
-    steer = control(frames, rows, *base_window(frames, rows, 1))
+    steer = learning.steering(frames, rows)
     target, now = rows.start + rows.total, rows.start + rows.gone
     torch.testing.assert_close(steer.target_positions, frames.positions[target])
     torch.testing.assert_close(steer.frames_left[:, 0], (rows.total - rows.gone).float())
@@ -247,16 +248,80 @@ def test_what_steers_is_the_target_and_the_true_path(frames):
         step = (frames.hips[ahead] - frames.hips[ahead - 1])[:, ::2] * RATE
         torch.testing.assert_close(steer.path[:, key, 4:], step)
     rows.gone = rows.total.clone()
-    assert torch.all(control(frames, rows, *base_window(frames, rows, 1)).frames_left == 1.0)
+    assert torch.all(learning.steering(frames, rows).frames_left == 1.0)
 
 
 def test_fresh_rows_take_the_places_of_others(frames):
-    rows, fresh = drawn(frames, 6, seed=1), drawn(frames, 2, seed=2)
+    rows, fresh = drawn(frames, 6, seed=1), drawn(frames, 2, FOREIGN, seed=2)
     before = drawn(frames, 6, seed=1)
     replace_rows(rows, fresh, torch.tensor([4, 1]))
+    assert rows.keys.foreign.tolist() == [False, True, False, False, True, False]
     for row in range(6):
         source, at = (fresh, {4: 0, 1: 1}[row]) if row in (1, 4) else (before, row)
         assert rows.start[row] == source.start[at]
         assert torch.equal(rows.style[row], source.style[at])
+        assert torch.equal(rows.keys.target_local[row], source.keys.target_local[at])
         for field in rows.state._fields:
             assert torch.equal(getattr(rows.state, field)[row], getattr(source.state, field)[at])
+
+
+FOREIGN = replace(CLEAN, lone_start=1.0, context_start=0.0, foreign_keys=1.0)
+
+
+def test_foreign_keys_have_somebody_elses_upper_body_only(frames):
+    rows = drawn(frames, 200, FOREIGN)
+    assert torch.all(rows.keys.foreign)
+    for at, local in ((rows.start, rows.keys.start_local), (rows.start + rows.total, rows.keys.target_local)):
+        own = frames.local[at]
+        assert torch.equal(local[:, : UPPER.start], own[:, : UPPER.start])
+        apart = (local[:, UPPER] - own[:, UPPER]).abs().amax(dim=(1, 2))
+        assert float(apart.median()) > 0.1
+        torch.testing.assert_close(local.norm(dim=-1), torch.ones(200, 22))
+    assert [HUMANOID.names[j] for j in range(UPPER.start)] == [
+        *("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe", "RightUpLeg", "RightLeg", "RightFoot", "RightToe")
+    ]
+
+
+def test_foreign_keys_tell_their_style_and_never_come_with_a_context(frames):
+    rows = drawn(frames, 2000, replace(Sampling(), foreign_keys=0.5))
+    foreign = rows.keys.foreign
+    assert float(foreign.float().mean()) == pytest.approx(0.5 * 0.85, abs=0.04)
+    assert torch.all(rows.style[foreign].argmax(dim=1) == frames.style[rows.start[foreign]])
+    context = (rows.gone == 0) & (rows.state.velocity_known[:, 0] == 1.0) & ~foreign
+    assert context.any()
+    plain = ~foreign
+    assert torch.equal(rows.keys.start_local[plain], frames.local[rows.start[plain]])
+    assert torch.equal(rows.keys.target_local[plain], frames.local[(rows.start + rows.total)[plain]])
+
+
+def test_foreign_keys_ease_into_the_style_and_out_of_it(frames):
+    rows = drawn(frames, 300, FOREIGN)
+    every = torch.arange(92).expand(300, -1)
+    turned, placed = poses(frames, rows.start, rows.total, rows.keys, every)
+    last = rows.total
+    ends = rollout.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start + last], rows.keys.target_local)))
+    np.testing.assert_allclose(placed[torch.arange(300), last], ends.positions, atol=1e-5)
+    np.testing.assert_allclose(turned[torch.arange(300), last], ends.rotations, atol=1e-5)
+    begun = rollout.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start], rows.keys.start_local)))
+    np.testing.assert_allclose(placed[:, 0], begun.positions, atol=1e-5)
+    np.testing.assert_allclose(rows.state.positions, begun.positions, atol=1e-5)
+    true = frames.positions[rows.start[:, None] + torch.minimum(every, last[:, None])]
+    inside = (every >= EASE) & (every <= last[:, None] - EASE)
+    assert inside.any()
+    torch.testing.assert_close(placed[inside], true[inside], atol=1e-5, rtol=0)
+    legs = slice(0, UPPER.start)
+    torch.testing.assert_close(placed[:, :, legs], true[:, :, legs], atol=1e-5, rtol=0)
+    steps = (placed - true).diff(dim=1).norm(dim=-1).amax(dim=2)
+    assert float(steps[last > 30].max()) < 0.25  # metres a frame that the change of hands adds at most, no jump
+
+
+def test_foreign_rows_are_of_one_piece(frames):
+    """Base, target and truth of a row agree at its end."""
+    rows = drawn(frames, 50, FOREIGN)
+    steer = learning.steering(frames, rows)
+    base = base_window(frames, rows, 91)
+    torch.testing.assert_close(base[-1, :, 3:], steer.target_rotations.flatten(1), atol=1e-5, rtol=0)
+    torch.testing.assert_close(base[0, :, 3:], rows.state.rotations.flatten(1), atol=1e-5, rtol=0)
+    rows.gone = rows.total - 1
+    real = learning.coming(frames, rows, torch.eye(3).expand(50, 3, 3), torch.zeros(50, 3))
+    torch.testing.assert_close(real.positions, steer.target_positions)
