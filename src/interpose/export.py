@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
 import warnings
@@ -114,18 +115,25 @@ def export(run_dir: Path, out: Path, *, name: str | None = None, metrics: dict[s
 
 def licence(data: str) -> str:
     """What the weights may be used for, from the licences of the data they were trained on."""
-    if "NC" in data:
+    if re.search(r"\bNC\b", data):
         return f"non-commercial research only (trained on data under {data})"
     return f"MIT; trained on data under {data}, which asks for credit" if data else "unknown"
 
 
 def model_of(saved: dict[str, Any]) -> DCMoE:
-    """The network of a checkpoint, ready to run: the moving average of its weights where one was kept."""
+    """The network of a checkpoint, ready to run: the moving average of its weights where one was kept.
+
+    Raises InputError where the weights do not fit the config, as those of an older program may not.
+    """
     config = saved["config"]
     size = Size(config["experts"], config["hidden"], tuple(config["gate"]), config["absolute"], len(config["styles"]))
     model = DCMoE(size)
     weights = {k.removeprefix("module."): v for k, v in saved["ema"].items() if k.startswith("module.")}
-    model.load_state_dict(weights)
+    try:
+        model.load_state_dict(weights)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise InputError(f"the run's weights are not those of its config ({reason}); train again") from None
     return model.eval()
 
 
@@ -165,7 +173,7 @@ def write_step(model: DCMoE, path: Path) -> dict[str, float]:
     assert program is not None
     onnx.checker.check_model(program.model_proto)
     exact = check(step, program.model_proto.SerializeToString(), TOLERANCE)
-    small = quantise(program.model_proto).SerializeToString()
+    small = quantise(bare(program.model_proto)).SerializeToString()
     path.write_bytes(small)
     return {"as_exported": exact, "as_stored": check(step, small, TOLERANCE_STORED)}
 
@@ -189,6 +197,15 @@ def check(step: Step, model: bytes, tolerance: float) -> float:
                 raise InputError(f"the ONNX model's {name} differs from torch's by {apart:.2g}; do not use it")
             worst = max(worst, apart)
     return worst
+
+
+def bare(model: onnx.ModelProto) -> onnx.ModelProto:
+    """The same model without the exporter's notes, which name the files of the machine it was made on."""
+    graph = model.graph
+    del graph.value_info[:]
+    for part in (graph, *graph.node, *graph.input, *graph.output, *graph.initializer):
+        del part.metadata_props[:]
+    return model
 
 
 def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:

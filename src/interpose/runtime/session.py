@@ -19,7 +19,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.features import control_shapes, state_shapes
+from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes
 
 INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
 DEFAULT = "default"
@@ -64,11 +64,13 @@ class Session:
         try:
             made = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # ONNX Runtime raises types of its own for each way in which a file can be bad
-            raise InputError(f"{file} cannot be loaded ({str(error).splitlines()[0]}); export the model again") from None
-        wanted = set(state_shapes()) | set(control_shapes(len(self.styles)))
-        given = {i.name for i in made.get_inputs()}
+            reason = str(error).splitlines()[0]
+            raise InputError(f"{file} cannot be loaded ({reason}); export the model again") from None
+        wanted = set((state_shapes() | control_shapes(len(self.styles))).items())
+        given = {(i.name, tuple(i.shape[1:])) for i in made.get_inputs()}
         if wanted != given:
-            raise InputError(f"{file} takes {sorted(given ^ wanted)} otherwise than this program; export it again")
+            names = sorted({name for name, _ in given ^ wanted})
+            raise InputError(f"{file} takes {names} otherwise than this program; export it again")
         return made
 
     @cached_property
@@ -76,8 +78,14 @@ class Session:
         """Phase windows to start from where a variant is wanted; empty where the model has none."""
         file = self.path / "phases.npy"
         if not file.exists():
-            return np.zeros((0, 13, 10, 2))
-        return np.load(file).astype(float)
+            return np.zeros((0, KEYS, CHANNELS, 2))
+        try:
+            bank = np.load(file)
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"{file} cannot be read ({error}); export the model again") from None
+        if bank.shape[1:] != (KEYS, CHANNELS, 2):
+            raise InputError(f"{file} has windows of {bank.shape[1:]}, not {(KEYS, CHANNELS, 2)}; export the model again")
+        return bank.astype(float)
 
     @cached_property
     def outputs(self) -> list[str]:
@@ -111,6 +119,8 @@ def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Sessio
     file = path / "model.json"
     try:
         info = json.loads(file.read_text(encoding="utf-8"))
+        if not isinstance(info, dict):
+            raise ValueError("no object in it")
     except (OSError, ValueError) as error:
         raise InputError(f"{file} cannot be read ({error}); give a folder made by 'interpose export'") from None
     missing = [k for k in ("format", "name", "method", "styles", "licence", "absolute") if k not in info]
