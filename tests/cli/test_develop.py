@@ -32,6 +32,7 @@ def test_prepare_makes_a_database_and_reports(tmp_path, run, clips):
     [
         (("prepare", "bvh", "nowhere", "-o", "db"), "nowhere"),
         (("prepare", "bvh", "clips", "-o", "db", "--workers", "0"), "--workers must be 1 or more, got 0"),
+        (("prepare", "bvh", "clips", "-o", "db", "--split", "train"), "only lafan1 has a split"),
         (("evaluate", "lafan1", "--data", "clips", "--methods", "magic", "-o", "out"), "magic"),
         (("evaluate", "lafan1", "--data", "clips", "--context", "0", "-o", "out"), "context"),
     ],
@@ -39,6 +40,16 @@ def test_prepare_makes_a_database_and_reports(tmp_path, run, clips):
 def test_what_cannot_be_served(tmp_path, run, clips, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
     fails(run(*arguments), said, tmp_path, ["clips"])
+
+
+def test_prepare_leaves_out_the_test_subject(tmp_path, run, clips):
+    for subject in (1, 5):
+        (clips / f"walk1_subject{subject}.bvh").write_text((clips / "walk0.bvh").read_text())
+    for split, wanted in (("train", "walk1_subject1"), ("test", "walk1_subject5")):
+        out = tmp_path / split
+        status, _, err = run("prepare", "lafan1", clips, "-o", out, "--split", split, "--workers", 1)
+        assert status == 0, err
+        assert [clip["name"] for clip in json.loads((out / "meta.json").read_text())["clips"]] == [wanted]
 
 
 def test_evaluating_what_is_not_there(tmp_path, run):
@@ -89,5 +100,13 @@ def test_training_is_reached(tmp_path, run, clips):
     fails(
         run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--phases", "p.npy"),
         "--phases are for dcmoe",
+    )
+    fails(
+        run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "0.4"),
+        "--foreign-keys are for dcmoe",
+    )
+    fails(
+        run("train", "dcmoe", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "4"),
+        "must be 0 to 1, got 4.0",
     )
     fails(run("export", tmp_path / "none", "-o", tmp_path / "model"), "none")

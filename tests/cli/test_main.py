@@ -82,6 +82,11 @@ def test_version(run):
     assert run("--version") == (0, f"interpose {version('interpose')}\n", "")
 
 
+def test_the_package_runs_as_the_command():
+    done = subprocess.run([sys.executable, "-m", "interpose", "info"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", "interpose info: name at least one FILE\n")
+
+
 def test_starting_up_imports_nothing_heavy():
     code = (
         "import sys, interpose.cli; interpose.cli.main(['--help']); "

@@ -8,6 +8,9 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
+_SAID = ""
+"""In place of tyro's "(default: None)", where the help text itself says what happens when the option is left out."""
+
 OutFile = Annotated[str, arg(aliases=["-o"], metavar="OUT.bvh")]
 OutFolder = Annotated[str, arg(aliases=["-o"], metavar="DIR")]
 
@@ -18,13 +21,13 @@ class Options:
 
     out: OutFile
     """The file to write, .bvh or .glb. With several variants: OUT-1, OUT-2, …, best first."""
-    method: str = "dcmoe"
+    method: Annotated[str, arg(metavar="dcmoe|interp")] = "dcmoe"
     """dcmoe (a trained model) or interp (straight line and SLERP)."""
-    model: Annotated[str | None, arg(metavar="NAME|DIR")] = None
+    model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
-    style: Annotated[str | None, arg(metavar="NAME")] = None
+    style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
     """One of the model's styles; left free where left out."""
-    path: str = "auto"
+    path: Annotated[str, arg(metavar="auto")] = "auto"
     """The root's track on the ground: auto leaves it to the model."""
     variants: Annotated[int, arg(metavar="N")] = 1
     """How many different answers to write."""
@@ -72,7 +75,11 @@ def between(
     return generate.between(start, target, frames, generation)
 
 
-def info(files: Annotated[Positional[tuple[str, ...]], arg(metavar="FILE")], /, json: bool = False) -> int:
+def info(
+    files: Annotated[Positional[tuple[str, ...]], arg(metavar="FILE", help_behavior_hint="(required)")],
+    /,
+    json: bool = False,
+) -> int:
     """Tell what BVH files hold and how their joints map to the 22 joints of the models.
 
     Args:
@@ -97,10 +104,11 @@ def models(json: bool = False) -> int:
 
 def prepare(
     dataset: Annotated[Positional[Literal["lafan1", "100style", "bandai", "bvh"]], arg(metavar="DATASET")],
-    source: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE")],
+    source: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE", help_behavior_hint="(required)")],
     /,
     out: OutFolder,
-    workers: Annotated[int | None, arg(metavar="N")] = None,
+    split: Literal["all", "train", "test"] = "all",
+    workers: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
 ) -> int:
     """Prepare a folder of motion capture for training: a database of the 22 joints at 30 Hz. Resumes where it stopped.
 
@@ -108,11 +116,12 @@ def prepare(
         dataset: lafan1, 100style, bandai, or bvh for any folder of BVH files.
         source: Folders or files.
         out: The database's folder.
+        split: For lafan1: train leaves out subject 5, on which the benchmark tests; test takes only it.
         workers: Processes at once; one a core where left out.
     """
     from interpose.cli import develop
 
-    return develop.prepare(dataset, source, out, workers) if source else _nothing("prepare", "SOURCE")
+    return develop.prepare(dataset, source, out, split, workers) if source else _nothing("prepare", "SOURCE")
 
 
 def train(
@@ -120,10 +129,11 @@ def train(
     /,
     data: Annotated[tuple[str, ...], arg(metavar="DB")],
     out: OutFolder,
-    preset: str = "small",
-    phases: Annotated[tuple[str, ...], arg(metavar="FILE")] = (),
-    minutes: Annotated[float | None, arg(metavar="M")] = None,
-    device: Annotated[str | None, arg(metavar="cpu|cuda")] = None,
+    preset: Annotated[str, arg(metavar="NAME")] = "small",
+    phases: Annotated[tuple[str, ...], arg(metavar="FILE", help_behavior_hint=_SAID)] = (),
+    foreign_keys: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint=_SAID)] = None,
+    minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint=_SAID)] = None,
+    device: Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint=_SAID)] = None,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
     """Train a network on a prepared database. Resumes where the run stopped.
@@ -133,7 +143,9 @@ def train(
         data: Databases from `interpose prepare`.
         out: The run's folder.
         preset: full, small or tiny; dcmoe also has paper, the paper's recipe unchanged.
-        phases: For dcmoe: the phases.npy that the autoencoder's run wrote, one a database.
+        phases: For dcmoe: the phases.npy that the autoencoder's run wrote, one a database; unknown where left out.
+        foreign_keys: For dcmoe: share of rows, 0 to 1, with another's upper body at the keys, to make the style matter.
+            The default model was trained with 0.4; none where left out.
         minutes: Stop after so many minutes; the same command goes on from there.
         device: Where to compute; a GPU where there is one.
         seed: Of weights and draws.
@@ -142,14 +154,14 @@ def train(
 
     if not data:
         return _nothing("train", "DB after --data")
-    return develop.train(network, data, phases, out, preset, minutes, device, seed)
+    return develop.train(network, data, phases, foreign_keys, out, preset, minutes, device, seed)
 
 
 def export(
     run: Annotated[Positional[str], arg(metavar="RUN")],
     /,
     out: OutFolder,
-    name: Annotated[str | None, arg(metavar="NAME")] = None,
+    name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None,
 ) -> int:
     """Turn a training run into a model's folder: ONNX networks, checked against torch, and model.json.
 
@@ -169,7 +181,7 @@ def evaluate(
     data: Annotated[str, arg(metavar="DIR")],
     out: OutFolder,
     methods: Annotated[str, arg(metavar="A,B,…")] = "interp,zero-velocity",
-    model: Annotated[str | None, arg(metavar="NAME|DIR")] = None,
+    model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None,
     context: Annotated[int, arg(metavar="N")] = 1,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
@@ -180,7 +192,7 @@ def evaluate(
         data: The benchmark's folder of BVH files.
         out: The folder for tables and figures.
         methods: interp, zero-velocity, dcmoe (with --model) and LABEL=MODEL, separated by commas.
-        model: The model for dcmoe: installed, or a folder; the default model where left out.
+        model: For dcmoe: an installed model or a folder; the installed model lafan1 where left out.
         context: Frames known to a model before the gap, 1 to 10; the baselines know the protocol's 10.
         seed: Of the bootstrap and of what the model draws.
     """

@@ -13,12 +13,12 @@ from interpose.errors import InputError
 _EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
 
 
-def prepare(dataset: str, sources: Sequence[str], out: str, workers: int | None) -> int:
+def prepare(dataset: str, sources: Sequence[str], out: str, split: str, workers: int | None) -> int:
     from interpose.data import ingest
 
     if workers is not None and workers < 1:
         raise InputError(f"--workers must be 1 or more, got {workers}")
-    report = ingest.prepare(dataset, list(sources), out, workers=workers)
+    report = ingest.prepare(dataset, list(sources), out, split=split, workers=workers)
     print(report.markdown(), end="")
     print(f"wrote {out}", file=sys.stderr)
     return 0
@@ -28,6 +28,7 @@ def train(
     network: str,
     data: Sequence[str],
     phases: Sequence[str],
+    foreign_keys: float | None,
     out: str,
     preset: str,
     minutes: float | None,
@@ -39,9 +40,11 @@ def train(
         device = "cuda" if _of_extra("torch").cuda.is_available() else "cpu"
     settings = {"max_minutes": minutes, "device": device, "seed": seed}
     if network == "dcmoe":
-        settings["phases"] = [Path(p) for p in phases] or None
+        settings |= {"phases": [Path(p) for p in phases] or None, "foreign_keys": foreign_keys}
     elif phases:
         raise InputError("--phases are for dcmoe; the periodic autoencoder makes them")
+    elif foreign_keys is not None:
+        raise InputError("--foreign-keys are for dcmoe; the periodic autoencoder has no keys")
     outcome = recipe.train([Path(d) for d in data], Path(out), preset, **settings)
     print(f"{out}: {outcome}", file=sys.stderr)
     return 130 if outcome == "interrupted" else 0

@@ -141,13 +141,16 @@ def train(
 
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
-    upper body, which makes the style label matter (`interpose.train.sequences.poses`). Raises InputError for an unknown preset, databases that do not
-    load or are too short, phases that do not fit, and a run folder of another config.
+    upper body, which makes the style label matter (`interpose.train.sequences.poses`). Raises InputError for an unknown
+    preset, databases that do not load or are too short, phases that do not fit, a share that is none, and a run folder
+    of another config.
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     if phases is not None and len(phases) != len(data):
         raise InputError(f"{len(phases)} files of phases for {len(data)} databases; give one each, in the same order")
+    if foreign_keys is not None and not 0.0 <= foreign_keys <= 1.0:
+        raise InputError(f"the share of foreign keys must be 0 to 1, got {foreign_keys}")
     loaded = [database.load(path) for path in data]
     chosen = PRESETS[preset]
     if foreign_keys is not None:
