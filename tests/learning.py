@@ -101,6 +101,7 @@ def network_for(data: Frames, absolute: bool = False) -> DCMoE:
     with torch.no_grad():
         model.network.experts[2].linear.weight.mul_(1.0 if absolute else 8.0)
         model.network.experts[2].linear.bias.normal_(std=0.3)
+        model.network.gate[-1].weight.mul_(20.0)
     dcmoe.set_statistics(model, data, CONFIG, torch.Generator().manual_seed(0), count=512)
     return model.eval().requires_grad_(False)
 
