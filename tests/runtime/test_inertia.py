@@ -28,7 +28,7 @@ def test_a_transition_leaves_its_start_with_the_velocity_it_came_with(before_ste
     fine = np.diff(moved, axis=1) / STEP
     steps = rotation.angle(rotation.multiply(rotation.inverse(turned[:, :-1]), turned[:, 1:])) / STEP
     for i in range(4):
-        share = (1.0 - (i + 1) * STEP / 0.5) ** 3 * (i + 1) - (1.0 - i * STEP / 0.5) ** 3 * i
+        share = (1.0 - (i + 1) * STEP / 0.5) ** 2 * (i + 1) - (1.0 - i * STEP / 0.5) ** 2 * i
         np.testing.assert_allclose(fine[:, i], share * speed * np.ones((2, 1)), atol=1e-9)
         np.testing.assert_allclose(steps[:, i], abs(share) * spin, atol=1e-9)
     np.testing.assert_array_equal(moved[:, 15:], 0.0)

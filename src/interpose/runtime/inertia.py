@@ -2,8 +2,8 @@
 
 After Bollo 2018 (`Inertialization: High-Performance Animation Transitions in Gears of War`, GDC): the difference
 between the velocity with which the known motion comes to the start and that with which the transition leaves it is
-carried on and dies away within half a second. A joint's offset is dv t (1 - t / T)^3: none at the key, of the missing
-velocity there, and gone, with its first two derivatives, at T. Angles are treated as positions are, in rotation
+carried on and dies away within half a second. A joint's offset is dv t (1 - t / T)^2: none at the key, of the missing
+velocity there, and gone, with its first derivative, at T; it brakes by 4 dv / T at most. Angles are treated as positions are, in rotation
 vectors. The end is treated as the beginning, with time reversed, where frames after the target are known.
 """
 
@@ -33,7 +33,7 @@ def leave(
     """
     t = np.arange(root.shape[1]) * step
     fade = min(FADE, t[-1])
-    share = t * np.maximum(1.0 - t / fade, 0.0) ** 3
+    share = t * np.maximum(1.0 - t / fade, 0.0) ** 2
     speed = (root[:, 0] - before_root) / before_step - (root[:, 1] - root[:, 0]) / step
     turn = _turn(before_local, local[:, 0]) / before_step - _turn(local[:, 0], local[:, 1]) / step
     offset = rotation.from_rotation_vector(share[:, None, None] * turn[:, None])
