@@ -78,3 +78,21 @@ def test_short_clips_have_contacts(frames: int) -> None:
     positions = feet(np.tile(contacts.REST_HEIGHTS, (frames, 1)), np.zeros((frames, 4)))
     assert contacts.detect(positions, RATE).all()
     assert contacts.by_speed(positions, RATE).shape == (frames, 4)
+
+
+@pytest.mark.parametrize(
+    ("height", "weight"), [(-0.1, 1.0), (0.0, 1.0), (0.0125, 2.0 - np.sqrt(2.0)), (0.025, 0.0), (1.0, 0.0)]
+)
+def test_the_weight_of_a_slide_falls_from_one_on_the_floor_to_zero(height: float, weight: float) -> None:
+    assert float(contacts.slide_weight(np.array(height))) == pytest.approx(weight)
+
+
+def test_foot_slide_counts_low_toes_of_each_window_apart() -> None:
+    toes = np.zeros((2, 4, 2, 3))
+    toes[..., 1, 1] = 0.3  # one foot in the air throughout
+    toes[0, :, :, 2] = 0.01 * np.arange(4)[:, None]
+    toes[1, 2:, 0, 1] = 0.1  # the other leaves the floor half-way
+    travel, samples = contacts.foot_slide(toes)
+    np.testing.assert_allclose(travel, [3.0, 0.0])
+    np.testing.assert_array_equal(samples, [3, 1])
+    assert [float(part) for part in contacts.foot_slide(toes[0])] == pytest.approx([3.0, 3.0])

@@ -104,13 +104,6 @@ def test_apd_is_the_mean_over_pairs() -> None:
         metrics.apd(candidates[:1])
 
 
-@pytest.mark.parametrize(
-    ("height", "weight"), [(-0.1, 1.0), (0.0, 1.0), (0.0125, 2.0 - math.sqrt(2.0)), (0.025, 0.0), (1.0, 0.0)]
-)
-def test_contact_weight_falls_from_one_on_the_floor_to_zero(height: float, weight: float) -> None:
-    assert float(metrics.contact_weight(np.array(height))) == pytest.approx(weight)
-
-
 def test_foot_slide_averages_over_samples_in_contact_only() -> None:
     toes = np.zeros((1, 4, 2, 3))
     toes[0, :, 0, 0] = [0.0, 0.01, 0.02, 0.06]  # on the floor: 1, 1, 4 cm

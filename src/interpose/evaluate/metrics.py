@@ -6,8 +6,7 @@ window, so that the value is their ratio of sums and a bootstrap over windows ne
 L2P, L2Q and NPSS are those of Harvey et al. 2020 (`Robust Motion In-betweening`, section 5.3, and the evaluation code
 of LaFAN1), NPSS after Gopalakrishnan et al. 2019 (`A Neural Temporal Model for Human Motion Prediction`). ADE and SLDE
 are those of the S-CVAE paper: metres, mean over joints. APD is its sum over frames and joints divided by their number.
-Foot slide is v (2 - 2^(h/H)), H = 2.5 cm, of Zhang et al. 2018 (`Mode-Adaptive Neural Networks`), averaged as by
-RSMT (Tang et al. 2023): centimetres a frame, over the samples whose weight is above zero.
+Foot slide is that of `interpose.data.contacts`.
 """
 
 from __future__ import annotations
@@ -19,10 +18,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-CONTACT_HEIGHT = 0.025
-"""H of the foot-slide metric, metres: a toe higher than this is not in contact."""
-CONTACT_SPEED = 0.0424
-"""Metres a second: the speed at which LaFAN1's own contact labels (0.02 square centimetres a frame) let a foot go."""
+from interpose.data import contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,32 +137,25 @@ def apd(candidates: Float[ndarray, "candidate window frame joint 3"]) -> Scores:
     return mean(np.mean(pairs, axis=0))
 
 
-def contact_weight(height: Float[ndarray, "*batch"]) -> Float[ndarray, "*batch"]:
-    """``2 - 2^(h/H)`` with h kept in [0, H]: one at and below the floor, zero from H upwards. Metres."""
-    return np.asarray(2.0 - np.exp2(np.clip(height / CONTACT_HEIGHT, 0.0, 1.0)))
-
-
 def foot_slide(toes: Float[ndarray, "window frame toe 3"]) -> Scores:
     """Mean weighted displacement of the toes in centimetres a frame, over the samples in contact.
 
-    ``toes``: global positions in metres over a floor at height 0, the keys included at both ends. A sample is a
-    toe in a frame after the first; it moves by its 3-D displacement since the frame before, weighted by its height.
+    ``toes``: as `interpose.data.contacts.foot_slide` takes them, the keys included at both ends.
     """
-    weight = contact_weight(toes[:, 1:, :, 1])
-    slide = 100.0 * np.linalg.norm(np.diff(toes, axis=1), axis=-1) * weight
-    return Scores(slide.sum(axis=(1, 2)), np.sum(weight > 0.0, axis=(1, 2)).astype(float))
+    travel, samples = contacts.foot_slide(toes)
+    return Scores(travel, samples.astype(float))
 
 
 def foot_slide_speed(toes: Float[ndarray, "window frame toe 3"], rate: float) -> Scores:
     """Mean weighted horizontal speed of the toes over all samples, in contact or not: metres a second."""
     speed = rate * np.linalg.norm(np.diff(toes[..., ::2], axis=1), axis=-1)
-    return mean(speed * contact_weight(toes[:, 1:, :, 1]))
+    return mean(speed * contacts.slide_weight(toes[:, 1:, :, 1]))
 
 
 def foot_slide_share(toes: Float[ndarray, "window frame toe 3"], rate: float) -> Scores:
-    """The share of samples in contact (toe below H) that move horizontally faster than :data:`CONTACT_SPEED`."""
-    contact = toes[:, 1:, :, 1] < CONTACT_HEIGHT
-    fast = rate * np.linalg.norm(np.diff(toes[..., ::2], axis=1), axis=-1) > CONTACT_SPEED
+    """The share of samples in contact (toe below H) that move horizontally faster than LaFAN1's own labels allow."""
+    contact = toes[:, 1:, :, 1] < contacts.SLIDE_HEIGHT
+    fast = rate * np.linalg.norm(np.diff(toes[..., ::2], axis=1), axis=-1) > contacts.BENCHMARK_SPEED
     return Scores((fast & contact).sum(axis=(1, 2)).astype(float), contact.sum(axis=(1, 2)).astype(float))
 
 

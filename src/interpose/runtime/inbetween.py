@@ -1,7 +1,7 @@
 """One gap, or all gaps of a clip, on the user's own rig: candidates, the best first, and what is told of each.
 
-How a model's transition is made is in `transition`. The roll-out arrives at the target by construction (METHOD.md part
-E), and all that follows leaves both ends alone. The arrival errors of :class:`Info` measure what is left in the end:
+How a model's transition is made is in `transition`. The roll-out arrives at the target by construction (docs/method.md,
+D1), and all that follows leaves both ends alone. The arrival errors of :class:`Info` measure what is left in the end:
 the transition is made with its two ends, which take the same way as the frames between them, and its last frame is
 held against the target key: the largest distance of a joint, and the largest angle between global rotations of a joint.
 """
@@ -13,8 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from interpose import retarget, rotation
+from interpose.data import contacts
 from interpose.errors import InputError
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate
@@ -28,7 +31,6 @@ METHODS = ("dcmoe", "interp")
 LONGEST_MODEL_GAP = 600
 
 TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
-CONTACT_HEIGHT = 0.025
 
 
 @dataclass(frozen=True)
@@ -163,15 +165,13 @@ def mapping_of(motion: Motion) -> retarget.Mapping | str:
         return str(error)
 
 
-def foot_slide(toes: np.ndarray, rate: float) -> float:
-    """Centimetres a 30 Hz frame that the toes travel while they are low: (frame, toe, 3) positions in metres.
+def foot_slide(toes: Float[ndarray, "frame toe 3"], rate: float) -> float:
+    """Centimetres a 30 Hz frame that the toes travel while they are low; zero where no toe is ever low.
 
-    The mean of v (2 - 2^(h / 2.5 cm)) over the samples below 2.5 cm (Zhang et al. 2018, averaged as in RSMT); zero
-    where no toe is ever low.
+    ``toes``: as `interpose.data.contacts.foot_slide` takes them.
     """
-    weight = 2.0 - np.exp2(np.clip(toes[1:, :, 1] / CONTACT_HEIGHT, 0.0, 1.0))
-    travelled = 100.0 * np.linalg.norm(np.diff(toes, axis=0), axis=-1) * rate / MODEL_RATE
-    return float((travelled * weight).sum() / max(1, np.count_nonzero(weight)))
+    travel, samples = contacts.foot_slide(toes)
+    return float(travel / max(1, samples)) * rate / MODEL_RATE
 
 
 def _transitions(
