@@ -1,0 +1,176 @@
+"""What a frame of DC-MoE costs on the CPU, and what a whole gap of candidates, part by part.
+
+    python benchmarks/step.py [--repeats N] [--model DIR ...]
+
+Networks of random weights, of the paper's size (16 experts x 512) and of the preset ``small``, are exported to a
+temporary folder and run by ONNX Runtime on one thread. The first table times one step for one character and for eight;
+the second a gap of 60 frames with eight candidates through :func:`interpose.runtime.inbetween.inbetween`, context and
+what follows the target known, at 30 Hz and at 60 Hz. The budgets: 0.5 ms a step for one character, 0.25 s a gap at
+30 Hz. With ``--model`` the folders of exported models are timed in place of the random ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from unittest import mock
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from interpose import retarget, rotation
+from interpose.features import control_shapes, state_shapes
+from interpose.motion import Motion
+from interpose.runtime import feet, inbetween, inertia, rollout, transition
+from interpose.runtime.inbetween import Request
+from interpose.runtime.session import Session, load
+from interpose.skeleton import HUMANOID
+
+FRAMES, VARIANTS, SEED = 60, 8, 1
+Call = Callable[[], object]
+
+
+def random_model(preset: str, folder: Path) -> Path:
+    """The folder of a network of random weights, of the size of that preset and 100 styles."""
+    from interpose import export
+    from interpose.train import checkpoint, dcmoe, loop
+
+    config = replace(dcmoe.PRESETS[preset], styles=tuple(f"Style {i}" for i in range(100)))
+    size = dcmoe.Size(config.experts, config.hidden, config.gate, config.absolute, len(config.styles))
+    model = dcmoe.DCMoE(size)
+    run = folder / f"run-{preset}"
+    run.mkdir()
+    parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
+    checkpoint.save(run, checkpoint.State(parts), 0, config)
+    return export.export(run, folder / preset)
+
+
+def feed(session: Session, batch: int) -> dict[str, np.ndarray]:
+    """Inputs of a step, near enough to poses."""
+    draw = np.random.default_rng(0)
+    shapes = state_shapes() | control_shapes(len(session.styles))
+    out = {name: 0.1 * draw.normal(size=(batch, *shape)) for name, shape in shapes.items()}
+    for name in ("rotations", "target_rotations"):
+        out[name] += [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    for name in ("base", "base_next"):
+        out[name][:, 3:] += np.tile([1.0, 0.0, 0.0, 0.0, 1.0, 0.0], 22)
+    out["frames_left"][...] = 30.0
+    return {name: value.astype(np.float32) for name, value in out.items()}
+
+
+def walk(frames: int) -> Motion:
+    """A smooth motion with its toes near the floor."""
+    times = np.arange(frames) / 30.0
+    root = np.stack([0.1 * np.sin(times), 0.93 + 0.02 * np.cos(6.0 * times), 1.3 * times], axis=-1)
+    axes = np.random.default_rng(3).normal(size=(len(HUMANOID), 3))
+    angles = 0.25 * np.sin(5.0 * times[:, None] + np.arange(len(HUMANOID)))
+    return Motion(HUMANOID, root, rotation.from_rotation_vector(angles[..., None] * axes), 30.0)
+
+
+def seconds(call: Call, repeats: int) -> np.ndarray:
+    """The wall time of each of ``repeats`` calls, after three to warm up."""
+    for _ in range(3):
+        call()
+    out = np.empty(repeats)
+    for i in range(repeats):
+        began = time.perf_counter()
+        call()
+        out[i] = time.perf_counter() - began
+    return out
+
+
+@contextmanager
+def parts_timed() -> Iterator[dict[str, float]]:
+    """Seconds spent in each part of a gap; a part that another one calls counts for itself alone."""
+    spent: dict[str, float] = {}
+    running: list[float] = []
+
+    def timed(name: str, function: Callable[..., object]) -> Callable[..., object]:
+        def call(*args: object, **kwargs: object) -> object:
+            began = time.perf_counter()
+            running.append(0.0)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                whole = time.perf_counter() - began
+                spent[name] = spent.get(name, 0.0) + whole - running.pop()
+                if running:
+                    running[-1] += whole
+
+        return call
+
+    watched = [
+        ("network", Session, "step"),
+        ("base, states and rotations", rollout, "generate_batch"),
+        ("feet", feet, "plant_batch"),
+        ("velocities at the keys", inertia, "leave"),
+        ("velocities at the keys", inertia, "arrive"),
+        ("resampling", transition, "to_user_rate"),
+        ("retargeting", retarget, "to_humanoid"),
+        ("retargeting", retarget, "from_humanoid"),
+        ("judging the candidates", inbetween, "_judge"),
+        ("the rest", inbetween, "inbetween"),
+    ]
+    patches = [mock.patch.object(owner, name, timed(label, getattr(owner, name))) for label, owner, name in watched]
+    for patch in patches:
+        patch.start()
+    try:
+        yield spent
+    finally:
+        for patch in patches:
+            patch.stop()
+
+
+def step_rows(session: Session, repeats: int) -> None:
+    """Prints the cost of a step for one character and for eight."""
+    for batch in (1, VARIANTS):
+        inputs = feed(session, batch)
+        taken = 1e3 * seconds(lambda inputs=inputs: session.step(inputs), repeats)
+        print(f"{session.name:24} {batch:>10} {taken.min():>10.3f} {np.median(taken):>10.3f}")
+
+
+def gap_rows(session: Session, rate: float, repeats: int) -> None:
+    """Prints the cost of a gap and the share of its parts, at the user's ``rate``."""
+    clip = replace(walk(FRAMES + 20), rate=rate)
+    mapping = inbetween.mapping_of(clip)
+    request = Request(session=session, seed=SEED)
+
+    def gap() -> object:
+        return inbetween.inbetween(clip[:10], clip[FRAMES + 10 :], FRAMES, request, variants=VARIANTS, mapping=mapping)
+
+    taken = 1e3 * seconds(gap, repeats)
+    print(f"\n{session.name}, {FRAMES} frames at {rate:g} Hz x {VARIANTS} candidates, ms")
+    print(f"{'whole gap':28} {taken.min():>10.1f} {np.median(taken):>10.1f}")
+    with parts_timed() as spent:
+        for _ in range(repeats):
+            gap()
+    whole = sum(spent.values())
+    for name, value in sorted(spent.items(), key=lambda item: -item[1]):
+        print(f"  {name:26} {1e3 * value / repeats:>10.1f} {value / whole:>9.0%}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Times a step of DC-MoE and a whole gap.")
+    parser.add_argument("--repeats", type=int, default=20, help="of a gap; a step is repeated ten times as often")
+    parser.add_argument("--model", type=Path, nargs="+", default=[], help="folders of exported models")
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        models = asked.model or [random_model(preset, Path(folder)) for preset in ("full", "small")]
+        sessions = [load(path) for path in models]
+        print(f"{'one step, ms':24} {'characters':>10} {'min':>10} {'median':>10}")
+        for session in sessions:
+            step_rows(session, 10 * asked.repeats)
+        for session in sessions:
+            for rate in (30.0, 60.0):
+                gap_rows(session, rate, asked.repeats)
+
+
+if __name__ == "__main__":
+    main()
