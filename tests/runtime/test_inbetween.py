@@ -269,3 +269,11 @@ def test_the_mapping_can_be_found_once_for_a_clip(served, monkeypatch):
     monkeypatch.setattr(retarget, "plan", lambda motion: pytest.fail("the mapping was planned again"))
     (made,) = inbetween(clip[0], clip[40], 39, MODEL, mapping=mapping)
     assert made.info.fallback is None
+
+
+def test_variants_of_a_free_style_take_each_style_in_turn(served):
+    clip = walk(32, 30.0)
+    made = inbetween(clip[0], clip[-1], 30, MODEL, variants=3)
+    assert {c.info.style for c in made} == {None, "Angry", "Old"}
+    asked = inbetween(clip[0], clip[-1], 30, replace(MODEL, style="Old"), variants=2)
+    assert [c.info.style for c in asked] == ["Old", "Old"]

@@ -186,11 +186,13 @@ def _transitions(
     began = time.perf_counter()
     fallback = None if request.method == "interp" else _why_not(starts[0], frames, request, mapping)
     first, last = aligned(starts[0][-1], target[0])
+    styles: list[str | None] = [None] * len(starts)
     if request.method == "interp" or request.session is None or isinstance(mapping, str) or fallback is not None:
         made = [concatenate(first, interpolate(first, last, frames), last)] * len(starts)
     else:
         goal = aligned(starts[0], target)[1]
-        made = generate(starts, goal, frames, request.session, mapping, request.style, request.seed)
+        styles = _styles(request, len(starts))
+        made = generate(starts, goal, frames, request.session, mapping, styles, request.seed)
     seconds = time.perf_counter() - began
     position, angle = _apart(made[0][-1], last)
     inner = [motion[1:-1] for motion in made]
@@ -200,7 +202,7 @@ def _transitions(
         target=names[1],
         frames=frames,
         method="interp" if fallback is not None else request.method,
-        style=None if fallback is not None else request.style,
+        style=None,
         path=request.path,
         seed=request.seed,
         arrival_position_error_m=round(position, 9),
@@ -209,10 +211,21 @@ def _transitions(
         seconds=round(seconds, 6),
         fallback=fallback,
     )
-    return [
-        (Candidate(motion, replace(shared, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))), cost)
-        for motion, slide, cost in zip(inner, slides, costs, strict=True)
-    ]
+    found = []
+    for motion, style, slide, cost in zip(inner, styles, slides, costs, strict=True):
+        info = replace(shared, style=style, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))
+        found.append((Candidate(motion, info), cost))
+    return found
+
+
+def _styles(request: Request, count: int) -> list[str | None]:
+    """The style of each variant: what was asked for; where it was left free, free first and then each style in turn,
+    in an order that the seed decides."""
+    known: tuple[str, ...] = request.session.styles
+    if request.style is not None or not known:
+        return [request.style] * count
+    order = np.random.default_rng(request.seed).permutation(len(known))
+    return [None, *(known[order[i % len(known)]] for i in range(count - 1))][:count]
 
 
 def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:

@@ -26,10 +26,10 @@ def generate(
     frames: int,
     session: Session,
     mapping: retarget.Mapping,
-    style: str | None = None,
+    styles: list[str | None],
     seed: int = 0,
 ) -> list[Motion]:
-    """A transition for each of ``starts`` with its two ends: ``frames`` + 2 frames on the rig, at the starts' rate.
+    """A transition for each of ``starts``, in its style, with its ends: ``frames`` + 2 frames on the rig, at their rate.
 
     The starts are equally long and end in the same key; what they hold before it is context. ``target`` begins with its
     key; what follows is known, too, and the transition arrives with its velocity. The ends come out as the keys are,
@@ -41,7 +41,7 @@ def generate(
     context = _stacked([recent(start, CONTEXT) for start in starts], mapping)
     goal = _stacked([target[0]] * count, mapping)
     made_root, made_local, contacts = rollout.generate_batch(
-        session, *context, goal[0][:, 0], goal[1][:, 0], steps - 1, style=[style] * count, seed=seed, vary=True
+        session, *context, goal[0][:, 0], goal[1][:, 0], steps - 1, style=styles, seed=seed, vary=True
     )
     root = np.concatenate([context[0][:, -1:], made_root, goal[0]], axis=1)
     local = np.concatenate([context[1][:, -1:], made_local, goal[1]], axis=1)
