@@ -202,17 +202,7 @@ def _humanoid(source: Skeleton | Motion) -> _Body | None:
         found = mapping.plan(source)
     except InputError:
         return None
-    parents, lengths = found.skeleton.parents, np.linalg.norm(found.skeleton.offsets, axis=1)
-    drawn = {j for j in found.joints if j is not None}
-    for joint in range(len(parents) - 1, 0, -1):  # what leads to a joint of the humanoid
-        if joint in drawn:
-            drawn.add(parents[joint])
-    ends = {j for n, j in zip(HUMANOID.names, found.joints, strict=True) if n.endswith(("Head", "Hand", "Foot", "Toe"))}
-    for joint in range(1, len(parents)):  # fingers, toes and what hangs on the head
-        if parents[joint] in ends:
-            ends.add(joint)
-    spare = sum(lengths[j] for j in range(1, len(parents)) if j not in drawn | ends)
-    if spare > 0.4 * lengths[1:].sum():
+    if found.spare > mapping.MOST_SPARE:
         return None
     joints = {n: j for n, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
     frames = dict(zip(HUMANOID.names, rotation.inverse(found.rest_global), strict=True))

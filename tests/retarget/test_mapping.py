@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from retarget.characters import RIGS, Rig, build, random_motion
 
 from interpose import rotation
 from interpose.errors import InputError
+from interpose.motion import Motion
 from interpose.retarget import describe, plan, to_humanoid
+from interpose.retarget.mapping import MOST_SPARE
 from interpose.retarget.naming import split_side
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -88,6 +92,42 @@ def test_missing_hips_are_named() -> None:
     skeleton = Skeleton(("spoon", "LeftFoot", "RightFoot"), (-1, 0, 0), np.eye(3))
     with pytest.raises(InputError, match="missing Hips, LeftUpLeg"):
         plan(skeleton)
+
+
+def many_legged(legs: int) -> Motion:
+    """A body with legs all round it, in a few poses."""
+    names, parents, offsets = ["body"], [-1], [np.zeros(3)]
+    for leg in range(legs):
+        out = np.array([np.cos(2 * np.pi * leg / legs), 0.0, np.sin(2 * np.pi * leg / legs)])
+        places = (0.05 * out, 0.2 * out + [0.0, 0.1, 0.0], 0.2 * out - [0.0, 0.3, 0.0])
+        for part, place in zip("abc", places, strict=True):
+            names.append(f"{part}{leg}")
+            parents.append(0 if part == "a" else len(names) - 2)
+            offsets.append(place)
+    return random_motion(Skeleton(tuple(names), tuple(parents), np.array(offsets)), 1, frames=4)
+
+
+def test_what_has_eight_legs_is_no_humanoid() -> None:
+    with pytest.raises(InputError, match=r"6\d % of its bones' length has no counterpart .* more than two legs"):
+        plan(many_legged(8))
+
+
+def with_tails(rig: Rig) -> Skeleton:
+    tails = tuple((f"tail{i}", rig.hips, (0.0, 0.5, -1.0)) for i in range(4))
+    return build(replace(rig, extra=tails))
+
+
+def test_names_of_a_known_family_are_believed_whatever_hangs_on_them() -> None:
+    known = plan(with_tails(next(rig for rig in RIGS if rig.profile == "Mixamo")))
+    assert known.spare > MOST_SPARE
+    assert known.missing == ()
+    with pytest.raises(InputError, match="tail0, tail1"):
+        plan(with_tails(next(rig for rig in RIGS if rig.profile == "hierarchy")))
+
+
+@pytest.mark.parametrize("rig", RIGS, ids=IDS)
+def test_little_of_a_humanoid_is_spare(rig: Rig) -> None:
+    assert plan(build(rig)).spare < 0.1
 
 
 def test_a_skeleton_without_lengths_is_refused() -> None:

@@ -1,8 +1,8 @@
 """Which of a user's joints stands for which of the humanoid's, and how the two are turned against each other.
 
-The retargeting is that of METHOD.md C10: global rotations relative to a common T-pose, the root's position scaled by
-the leg-length ratio. `rest_global` holds each source joint's global rotation when its character stands in the
-humanoid's T-pose, so that q_humanoid = q_source * inverse(rest_global) and q_source = q_humanoid * rest_global.
+The retargeting is that of docs/method.md, C10: global rotations relative to a common T-pose, the root's position
+scaled by the leg-length ratio. `rest_global` holds each source joint's global rotation when its character stands in
+the humanoid's T-pose, so that q_humanoid = q_source * inverse(rest_global) and q_source = q_humanoid * rest_global.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ from interpose.motion import Motion
 from interpose.retarget import naming, rest
 from interpose.skeleton import HUMANOID, Skeleton
 
+_ENDS = ("Head", "Hand", "Foot", "Toe")
 _ANKLE = -float(HUMANOID.offsets[HUMANOID.index("LeftToe"), 1])  # the toe joint of a flat foot lies on the floor
+
+MOST_SPARE = 0.4
+"""Share of a skeleton's bone length that may lack a counterpart; with more (further legs, a tail) it is no humanoid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +70,26 @@ class Mapping:
         used = set(self.joints)
         return tuple(name for j, name in enumerate(self.skeleton.names) if j not in used)
 
+    @property
+    def spare(self) -> float:
+        """The share of the bone length that leads to no joint of the humanoid; fingers, toes and hair do not count."""
+        parents, lengths = self.skeleton.parents, np.linalg.norm(self.skeleton.offsets, axis=1)
+        kept = {joint for joint in self.joints if joint is not None}
+        for joint in range(len(parents) - 1, 0, -1):  # what leads to a joint of the humanoid
+            if joint in kept:
+                kept.add(parents[joint])
+        ends = {j for n, j in zip(HUMANOID.names, self.joints, strict=True) if n.endswith(_ENDS)}
+        for joint in range(1, len(parents)):  # what hangs on the head, the hands and the feet
+            if parents[joint] in ends:
+                ends.add(joint)
+        return float(sum(lengths[j] for j in range(1, len(parents)) if j not in kept | ends) / lengths[1:].sum())
+
 
 def plan(source: Skeleton | Motion) -> Mapping:
     """Find the humanoid in a skeleton; a motion's frames are looked at only where its rest pose says nothing.
 
-    Raises InputError where there are no hips or no whole legs, naming them.
+    Raises InputError where there are no hips or no whole legs, naming them, and where joints that no known family of
+    rigs has leave more than :data:`MOST_SPARE` of the skeleton without a counterpart.
     """
     motion = source if isinstance(source, Motion) else None
     skeleton = source.skeleton if isinstance(source, Motion) else source
@@ -81,7 +100,7 @@ def plan(source: Skeleton | Motion) -> Mapping:
         raise InputError("the skeleton's legs have no length; its joint offsets are missing")
     ours = float(np.abs(HUMANOID.offsets[[HUMANOID.index("LeftLeg"), HUMANOID.index("LeftFoot")], 1]).sum())
     scale = ours / leg
-    return Mapping(
+    mapping = Mapping(
         found.profile,
         skeleton,
         found.joints,
@@ -91,6 +110,13 @@ def plan(source: Skeleton | Motion) -> Mapping:
         stance.hip_centre,
         found.torso,
     )
+    if found.known is None and mapping.spare > MOST_SPARE:
+        share, names = 100.0 * mapping.spare, ", ".join(mapping.unmapped[:6])
+        raise InputError(
+            f"no humanoid was found in the skeleton: {share:.0f} % of its bones' length has no counterpart in one "
+            f"({names}{', …' if len(mapping.unmapped) > 6 else ''}); it may have more than two legs"
+        )
+    return mapping
 
 
 def describe(motion: Motion, mapping: Mapping) -> list[tuple[str, str]]:
