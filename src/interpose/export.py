@@ -6,10 +6,13 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import shutil
 import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -22,7 +25,16 @@ from onnx import helper, numpy_helper
 from torch import Tensor, nn
 
 from interpose.errors import InputError
-from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST, RATE, SIDE_KEYS, control_shapes, output_layout, state_shapes
+from interpose.features import (
+    EXPERT_INPUT,
+    GATE_INPUT,
+    LONGEST,
+    RATE,
+    SIDE_KEYS,
+    control_shapes,
+    output_layout,
+    state_shapes,
+)
 from interpose.models.dcmoe import Control, DCMoE, Size, State
 from interpose.runtime.session import FORMAT
 from interpose.skeleton import HUMANOID
@@ -37,11 +49,13 @@ TOLERANCE_STORED = 0.15
 """The same once the weights are in 8 bits, on random inputs far from any motion; on motion it is millimetres a gap."""
 BLOCK = 32
 """Weights that share a scale."""
+_CHATTY = ("torch.onnx._internal.exporter._registration", "onnx_ir.passes.common.initializer_deduplication")
+"""Loggers of the exporter that warn of what does not matter here: torchvision's operators, initializers left alone."""
 
 
 class Step(nn.Module):
-    """The step with flat inputs and outputs, in the order of the layout; contacts as probabilities, the root it foresees
-    in the world."""
+    """The step with flat inputs and outputs, in the order of the layout; contacts as probabilities, the root it
+    foresees in the world."""
 
     def __init__(self, model: DCMoE) -> None:
         super().__init__()
@@ -51,8 +65,10 @@ class Step(nn.Module):
         count = len(State._fields)
         after, said = self.model(State(*tensors[:count]), Control(*tensors[count:]))
         back = said.frame[:, ::2, ::2].transpose(-1, -2)
-        future = (said.trajectory[:, 1:].flatten(1).unflatten(1, (-1, 2)) @ back).flatten(1).unflatten(1, (SIDE_KEYS, 6))
-        origin = torch.cat([said.origin[:, ::2], torch.zeros_like(said.origin), torch.zeros_like(said.origin[:, :1])], -1)
+        turned = said.trajectory[:, 1:].flatten(1).unflatten(1, (-1, 2)) @ back
+        future = turned.flatten(1).unflatten(1, (SIDE_KEYS, 6))
+        ground = said.origin[:, ::2]
+        origin = torch.cat([ground, torch.zeros_like(ground), torch.zeros_like(ground)], dim=-1)
         carried = (value for name, value in after._asdict().items() if name in CARRIED)
         return (*carried, said.contacts[:, 0].sigmoid(), future + origin[:, None])
 
@@ -65,7 +81,7 @@ def export(run_dir: Path, out: Path, *, name: str | None = None, metrics: dict[s
     """
     saved = checkpoint.load(run_dir)
     if saved is None or "experts" not in saved["config"]:
-        raise InputError(f"{run_dir}: no checkpoint of a DC-MoE training is there; give the folder of 'interpose train'")
+        raise InputError(f"{run_dir}: no checkpoint of a DC-MoE training is there; give a folder of 'interpose train'")
     if out.exists() and not (out / "model.json").exists():
         raise InputError(f"{out} is there and is no model folder; give another name")
     model = model_of(saved)
@@ -158,7 +174,7 @@ def write_step(model: DCMoE, path: Path) -> dict[str, float]:
     inputs = example(model.size.styles, 3)
     outputs = [*(f"next_{name}" for name in CARRIED), "contacts", "next_path"]
     batch = torch.export.Dim("batch", min=1, max=65536)
-    with warnings.catch_warnings(), torch.no_grad():
+    with _quiet(), warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
             step,
@@ -176,6 +192,20 @@ def write_step(model: DCMoE, path: Path) -> dict[str, float]:
     small = quantise(bare(program.model_proto)).SerializeToString()
     path.write_bytes(small)
     return {"as_exported": exact, "as_stored": check(step, small, TOLERANCE_STORED)}
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Lets only errors of the chatty loggers through."""
+    loggers = [logging.getLogger(name) for name in _CHATTY]
+    levels = [logger.level for logger in loggers]
+    try:
+        for logger in loggers:
+            logger.setLevel(logging.ERROR)
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def check(step: Step, model: bytes, tolerance: float) -> float:
