@@ -277,3 +277,23 @@ def test_variants_of_a_free_style_take_each_style_in_turn(served):
     assert {c.info.style for c in made} == {None, "Angry", "Old"}
     asked = inbetween(clip[0], clip[-1], 30, replace(MODEL, style="Old"), variants=2)
     assert [c.info.style for c in asked] == ["Old", "Old"]
+
+
+def test_no_two_variants_begin_in_the_same_phases(tmp_path):
+    bank = np.random.default_rng(0).normal(size=(12, 13, 10, 2))
+    np.save(tmp_path / "phases.npy", bank)
+    session = Session(tmp_path, {})
+
+    def drawn(count: int, seed: int) -> list[int]:
+        """Which window each row has; -1 for unknown phases."""
+        phases = rollout.initial_phases(session, count, seed, vary=True)
+        assert all(not row.any() or (row == bank).all(axis=(1, 2, 3)).any() for row in phases)
+        return [int(np.argmax((row == bank).all(axis=(1, 2, 3)))) if row.any() else -1 for row in phases]
+
+    assert drawn(13, 0)[0] == -1
+    assert sorted(drawn(13, 0)) == list(range(-1, 12))
+    assert sorted(drawn(12, 7)) == list(range(12))
+    assert drawn(12, 7) != drawn(12, 8)
+    for seed in (0, 7):
+        assert drawn(3, seed) == drawn(12, seed)[:3]
+    assert not rollout.initial_phases(session, 3, 7, vary=False).any()

@@ -1,8 +1,8 @@
-"""The autoregressive roll-out of DC-MoE: from one start pose, or a few frames, to a target (Chu and Yang 2024, section 3).
+"""The autoregressive roll-out of DC-MoE, from one start pose or a few frames to a target (Chu and Yang 2024, 3).
 
-Everything that a frame needs is in the ONNX step; here is only what surrounds it: the interpolation base between the two
-keys, the state of a start whose phase and velocity are unknown (its past clamped to it, phases of no amplitude), and the
-count of frames left. On the base the last step leads into the target exactly (see `interpose.models.dcmoe`).
+Everything that a frame needs is in the ONNX step; here is only what surrounds it: the interpolation base between the
+two keys, the state of a start whose phase and velocity are unknown (its past clamped to it, phases of no amplitude),
+and the count of frames left. On the base the last step leads into the target exactly (see `interpose.models.dcmoe`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def interpolation(
     target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
     frames: int,
 ) -> Float[ndarray, "batch time pose"]:
-    """The base A from start to target, both included (frames + 2): hips linear, local rotations SLERPed, as (hips, 6-D)."""
+    """The base A from start to target, both included (frames + 2): hips linear, rotations SLERPed, as (hips, 6-D)."""
     t = np.linspace(0.0, 1.0, frames + 2)
     root = start[0][:, None] + t[:, None] * (target[0] - start[0])[:, None]
     local = rotation.slerp(start[1][:, None], target[1][:, None], t[:, None])
@@ -82,13 +82,17 @@ def initial_state(context: Pose, phases: Float[ndarray, "batch 13 10 2"]) -> dic
 
 
 def initial_phases(session: Session, count: int, seed: int, vary: bool) -> Float[ndarray, "batch 13 10 2"]:
-    """Unknown phases (no amplitude), or with ``vary`` drawn for all rows but the first of seed 0: other gaits to begin in."""
+    """Unknown phases (no amplitude), or with ``vary`` drawn for all rows but the first of seed 0.
+
+    So variants begin in other gaits. A row's window depends on the seed and the row alone, and no two rows have the
+    same one until all of the model's have been drawn.
+    """
     phases = np.zeros((count, KEYS, CHANNELS, 2))
     bank = session.phase_bank
     if vary and len(bank):
-        for row in range(count):
-            if seed or row:
-                phases[row] = bank[np.random.default_rng((seed, row)).integers(len(bank))]
+        order = np.random.default_rng(seed).permutation(len(bank))
+        drawn = slice(0 if seed else 1, count)
+        phases[drawn] = bank[order[np.arange(count)[drawn] % len(bank)]]
     return phases
 
 
@@ -105,7 +109,7 @@ def generate_batch(
 ) -> tuple[
     Float[ndarray, "batch {frames} 3"], Float[ndarray, "batch {frames} 22 4"], Float[ndarray, "batch {frames} 4"]
 ]:
-    """The ``frames`` frames between start and target at 30 Hz: hips, local rotations, contact probabilities of the feet.
+    """The ``frames`` frames between start and target at 30 Hz: hips, local rotations, contact probabilities.
 
     The last context frame is the start key. style: a label a row, None to leave it free. ``vary`` starts the rows in
     different phases, so that they become variants of one another; otherwise the seed changes nothing.
@@ -114,7 +118,8 @@ def generate_batch(
     count = len(start_root)
     context = pose_of(start_root, start_local)
     target = pose_of(target_root, target_local)
-    base = interpolation((start_root[:, -1], start_local[:, -1]), (target_root, target_local), frames).astype(np.float32)
+    base = interpolation((start_root[:, -1], start_local[:, -1]), (target_root, target_local), frames)
+    base = base.astype(np.float32)
     state = initial_state(context, initial_phases(session, count, seed, vary))
     state = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in state.items()}
     fixed = steering(session, target, style or [None] * count)
@@ -163,6 +168,6 @@ def steering(session: Session, target: Pose, style: list[str | None]) -> dict[st
 
 
 def resting_path(context: Pose) -> Float[ndarray, "batch 6 6"]:
-    """Future root keys of a figure that stays where it is: what a network that is fed its own prediction begins with."""
+    """Future root keys of a figure that stays where it is: where a network that is fed its own prediction begins."""
     key = np.concatenate([context.hips[:, -1, ::2], context.facing[:, -1], np.zeros((len(context.hips), 2))], axis=-1)
     return np.repeat(key[:, None], SIDE_KEYS, axis=1).astype(np.float32)
