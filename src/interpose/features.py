@@ -1,7 +1,7 @@
 """The named layout of what goes into DC-MoE and what comes out, shared by training, export and run time.
 
-Nothing here computes: a :class:`Layout` is names and widths, and both sides read and write by name, with the total width
-checked. Sizes are those of DC-MoE (Chu and Yang 2024, section 3.1); blocks that the paper does not have are marked.
+Nothing here computes: a :class:`Layout` is names and widths, and both sides read and write by name, with the total
+width checked. Sizes are those of DC-MoE (Chu and Yang 2024, section 3.1); blocks that the paper lacks are marked.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ GATE_INPUT = Layout((("phase", KEYS * CHANNELS * 2), ("style", 256), ("time_to_a
 
 
 def output_layout(absolute: bool) -> Layout:
-    """What the network predicts for the next frame: the paper's absolute pose, or a residual on the interpolation base."""
+    """What the network predicts for the next frame: the paper's absolute pose, or a residual on the base."""
     pose = (("position", JOINTS * 3),) if absolute else (("hips", 3),)
     future = SIDE_KEYS + 1
     return Layout(
@@ -85,9 +85,9 @@ def output_layout(absolute: bool) -> Layout:
 def state_shapes() -> dict[str, tuple[int, ...]]:
     """The tensors that a roll-out carries from frame to frame, without the batch axis; world frame, metres, seconds.
 
-    hips: position. rotations: ``q_world_joint`` as 6-D. positions, velocities: of the joints. velocity_known: 0 where the start is a
-    lone pose. track: x, z and facing (x, z) of the root for the last frames, newest last, one more than the window
-    needs so that the oldest key has a velocity. phase_past, phase_future: points of the phase manifold.
+    hips: position. rotations: ``q_world_joint`` as 6-D. positions, velocities: of the joints. velocity_known: 0 where
+    the start is a lone pose. track: x, z and facing (x, z) of the root for the last frames, newest last, one more than
+    the window needs so that the oldest key has a velocity. phase_past, phase_future: points of the phase manifold.
     """
     return {
         "hips": (3,),
@@ -105,8 +105,8 @@ def control_shapes(styles: int) -> dict[str, tuple[int, ...]]:
     """What steers one step, without the batch axis; world frame, metres, seconds.
 
     base, base_next: the interpolation from start to target at the present frame and at the next (hips, then 6-D).
-    frames_left: to the target. style: weights over (free, style 1, ...). path: root position, facing and velocity at the
-    6 future keys. path_known: 0 where no path is given.
+    frames_left: to the target. style: weights over (free, style 1, ...). path: root position, facing and velocity at
+    the 6 future keys. path_known: 0 where no path is given.
     """
     pose = 3 + JOINTS * 6
     return {

@@ -1,6 +1,6 @@
 """The root of each frame: where a character stands on the ground and which way it faces.
 
-Two definitions, for two needs. :func:`trajectory` is that of AI4Animation's root module (METHOD.md C3), which the
+Two definitions, for two needs. :func:`trajectory` is that of AI4Animation's root module (docs/method.md, C3), which the
 DC-MoE paper builds on (section 3.1, the set X^R): the hips on the ground, and the direction across hips and upper
 arms turned by a quarter, smoothed over two seconds. The smoothing adapts: its Gaussian weights are raised to the
 power of the turning rate, so that a standing character's sway is averaged away and a quick turn is followed. It

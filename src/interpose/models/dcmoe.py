@@ -4,9 +4,10 @@ A step takes the state of a roll-out and what steers it, in world units, and ret
 normalisation, network and geometry are all inside, so that training, ONNX and the run time cannot disagree.
 
 The network is the paper's: expert layers blended by a gate that sees phases, style and time to arrival. Blending the
-weights of linear layers and blending their outputs are the same thing; the output form is one large product (METHOD.md
-C5). What it predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a residual on the
-interpolation base (METHOD.md E): with A the interpolation from start to target, c the frames gone and k those left,
+weights of linear layers and blending their outputs are the same thing; the output form is one large product
+(docs/method.md, C5). What it predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a
+residual on the interpolation base (docs/method.md, D1): with A the interpolation from start to target, c the frames
+gone and k those left,
 
     next = A(c+1) + (k-1)/k (current - A(c)) + [k > 1] net,
 
@@ -87,7 +88,7 @@ class Control(NamedTuple):
 
 class Prediction(NamedTuple):
     """What a step says beside the next state. Positions, velocities and trajectory are in the root frame of the step's
-    start (``frame``, ``origin``); contacts are logits; ``raw_positions`` are the paper's own p, where it predicts them."""
+    start (``frame``, ``origin``); contacts are logits; ``raw_positions`` are the paper's own p, where predicted."""
 
     positions: Float[Tensor, "batch joint 3"]
     raw_positions: Float[Tensor, "batch joint 3"]
@@ -111,7 +112,9 @@ class ExpertLinear(nn.Module):
         nn.init.uniform_(self.linear.weight, -bound, bound)
         nn.init.zeros_(self.linear.bias)
 
-    def forward(self, x: Float[Tensor, "batch wide"], gate: Float[Tensor, "batch expert"]) -> Float[Tensor, "batch out"]:
+    def forward(
+        self, x: Float[Tensor, "batch wide"], gate: Float[Tensor, "batch expert"]
+    ) -> Float[Tensor, "batch out"]:
         outputs = self.linear(x).unflatten(-1, (self.experts, -1))
         return (gate[:, None, :].to(outputs.dtype) @ outputs)[:, 0]
 
@@ -146,7 +149,9 @@ class Network(nn.Module):
             [ExpertLinear(k, EXPERT_INPUT.width, h), ExpertLinear(k, h, h), ExpertLinear(k, h, out, last)]
         )
 
-    def forward(self, x: Float[Tensor, "batch wide"], condition: Float[Tensor, "batch gate"]) -> Float[Tensor, "batch out"]:
+    def forward(
+        self, x: Float[Tensor, "batch wide"], condition: Float[Tensor, "batch gate"]
+    ) -> Float[Tensor, "batch out"]:
         gate = torch.softmax(self.gate(condition).float(), dim=-1)
         x = F.silu(self.experts[0](x, gate))
         x = F.silu(self.experts[1](x, gate))
@@ -185,8 +190,10 @@ class DCMoE(nn.Module):
 
     def features(
         self, state: State, control: Control
-    ) -> tuple[Float[Tensor, "batch wide"], Float[Tensor, "batch pose"], Float[Tensor, "batch 3 3"], Float[Tensor, "batch 3"]]:
-        """The experts' input before normalisation; the pose that the base leads to (world); the root frame and origin."""
+    ) -> tuple[
+        Float[Tensor, "batch wide"], Float[Tensor, "batch pose"], Float[Tensor, "batch 3 3"], Float[Tensor, "batch 3"]
+    ]:
+        """The experts' input before normalisation; where the base leads (world); the root frame and its origin."""
         batch = state.hips.shape[0]  # len() would fix the batch when exported
         frame = root_frame(facing(to_matrix(state.rotations[:, 0])))
         origin = state.hips * state.hips.new_tensor([1.0, 0.0, 1.0])
@@ -294,8 +301,8 @@ class DCMoE(nn.Module):
 
     @staticmethod
     def _phases(state: State, predicted: Float[Tensor, "batch key channel 3"]) -> Float[Tensor, "batch key channel 2"]:
-        """The phase update (METHOD.md C4.8): each key's old phase turned by its frequency and the predicted one, averaged
-        in direction, at the predicted amplitude. Where the old amplitude is nil (unknown phase) the prediction stands."""
+        """The phase update (docs/method.md, C4): each key's old phase, turned by its frequency, averaged in direction
+        with the predicted one, at the predicted amplitude. Where the old one is unknown (nil), that one stands."""
         before = torch.cat([state.phase_past[:, -1:], state.phase_future], dim=1)
         angle = predicted[..., 2] * (2.0 * math.pi / RATE)
         sin, cos = before[..., 0], before[..., 1]

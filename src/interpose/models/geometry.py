@@ -1,4 +1,4 @@
-"""The geometry inside the training graph: 6-D rotations, kinematics without a loop over joints, the pose's own root frame.
+"""The geometry inside the training graph: 6-D rotations, kinematics without a loop over joints, a pose's root frame.
 
 Every function takes a batch axis first and holds no state, so that it exports to ONNX as a handful of nodes.
 """
@@ -40,9 +40,11 @@ def to_six(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 6"]:
     return torch.cat([m[..., 0], m[..., 1]], dim=-1)
 
 
-def joint_positions(hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch joint 3 3"]) -> Float[Tensor, "batch joint 3"]:
-    """Forward kinematics from global rotations: a bone is its parent's rotation times a constant, and a joint the sum of
-    the bones on its way from the hips, which is one matrix product."""
+def joint_positions(
+    hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch joint 3 3"]
+) -> Float[Tensor, "batch joint 3"]:
+    """Forward kinematics from global rotations: a bone is its parent's rotation times a constant, and a joint the sum
+    of the bones on its way from the hips, which is one matrix product."""
     bones = (m[:, PARENTS] * OFFSETS[:, None, :].to(m)).sum(dim=-1)
     return hips[:, None] + ANCESTORS.to(m) @ bones
 
@@ -57,7 +59,7 @@ _UPRIGHT[4] = 1.0
 
 
 def facing(m: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch 2"]:
-    """The unit direction (x, z) in which the hips, of rotation ``m``, face: where their twist about the vertical turns +Z.
+    """The unit direction (x, z) in which hips of rotation ``m`` face: where their twist about the vertical turns +Z.
 
     The twist of R about y has cos ~ R00 + R22 and sin ~ R02 - R20: no branch, and sane for lying poses. A constant
     picks them out of the matrix in one product; another, too small to matter elsewhere, makes hips that are exactly

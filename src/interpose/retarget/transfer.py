@@ -1,7 +1,7 @@
 """Motion from a user's skeleton to the humanoid, back, and the details that the humanoid does not carry.
 
-METHOD.md C10, in global rotations: see `mapping.py`. The root is carried by the point midway between the thighs, so
-that the legs, and with them the feet, meet the same floor on both skeletons.
+docs/method.md, C10, in global rotations: see `mapping.py`. The root is carried by the point midway between the thighs,
+so that the legs, and with them the feet, meet the same floor on both skeletons.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import onnxruntime
@@ -84,7 +84,7 @@ class Session:
         except (OSError, ValueError, EOFError) as error:
             raise InputError(f"{file} cannot be read ({error}); export the model again") from None
         if bank.shape[1:] != (KEYS, CHANNELS, 2):
-            raise InputError(f"{file} has windows of {bank.shape[1:]}, not {(KEYS, CHANNELS, 2)}; export the model again")
+            raise InputError(f"{file} has windows of {bank.shape[1:]}, not {(KEYS, CHANNELS, 2)}; export it again")
         return bank.astype(float)
 
     @cached_property
@@ -94,7 +94,8 @@ class Session:
 
     def step(self, feed: dict[str, ndarray]) -> dict[str, ndarray]:
         """Runs one frame: state and control in, by name, float32 with a batch axis; ``next_*`` and contacts out."""
-        return dict(zip(self.outputs, self.network.run(None, feed), strict=True))
+        made = cast(list[ndarray], self.network.run(None, feed))
+        return dict(zip(self.outputs, made, strict=True))
 
     def style_weights(self, styles: list[str | None]) -> Float[ndarray, "batch style"]:
         """A row of weights over (free, style 1, ...) for each label. Raises InputError for an unknown one."""

@@ -1,7 +1,7 @@
 """One pose a call, for games: the target and the time left may change at any call.
 
 Each call is one step of the roll-out (`rollout`). While target and time go on as they were, the interpolation base of
-METHOD.md part E stays what it was, so that undisturbed calls give the very frames of the whole roll-out; where they
+docs/method.md, D1, stays what it was, so that undisturbed calls give the very frames of the whole roll-out; where they
 change, a new base begins at the present pose, which then leads to the new target in the new time. Feet are as the
 model makes them: the clean-up of a whole transition needs to know what comes.
 """

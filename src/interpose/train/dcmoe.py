@@ -1,9 +1,9 @@
 """The recipe of DC-MoE: ``interpose train dcmoe --data DB -o RUN``.
 
-What trains well (METHOD.md E) is the default: the residual on the interpolation base, one-step training with noise on
-the input, then truncated back-propagation through the model's own roll-outs, longer by stages. Preset ``paper`` is the
-recipe of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4, batches of 32, losses of
-equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
+What trains well (docs/method.md, D1 to D10) is the default: the residual on the interpolation base, one-step training
+with noise on the input, then truncated back-propagation through the model's own roll-outs, longer by stages. Preset
+``paper`` is the recipe of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4,
+batches of 32, losses of equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -121,8 +122,8 @@ PRESETS: dict[str, Config] = {
         ),
     ),
 }
-"""``full`` has the paper's size, ``small`` is useful on two CPU cores in about an hour, ``tiny`` is for tests, ``paper``
-is the paper's recipe unchanged."""
+"""``full`` has the paper's size, ``small`` is useful on two CPU cores in about an hour, ``tiny`` is for tests,
+``paper`` is the paper's recipe unchanged."""
 
 
 def train(
@@ -173,7 +174,9 @@ def train(
     return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)
 
 
-def split(data: Database, held_out: float = 0.06, least: int = 130) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+def split(
+    data: Database, held_out: float = 0.06, least: int = 130
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Frame ranges for training and for validation: the end of every clip long enough to spare it. A clip of one frame
     is in neither."""
     training, validating = [], []
@@ -218,7 +221,7 @@ def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minut
         _keep(state.extra, rows)
         scalars: dict[str, Tensor | float] = {"loss": total.detach(), **{k: v.detach() for k, v in each.items()}}
         if (step + 1) % 1000 == 0:
-            scalars |= validation.ratios(average.module, held_out, config.sampling)
+            scalars |= validation.ratios(cast(DCMoE, average.module), held_out, config.sampling)
         return scalars
 
     per_step = round(sum(s.steps * s.unroll * s.rows for s in config.stages) / steps)
@@ -245,7 +248,10 @@ def unroll(
         after, said = model(rows.state, steer, mask)
         real = truth(data, rows, turned[:, i + 1], placed[:, i + 1], placed[:, i], said.frame, said.origin)
         here = (here - said.origin[:, None]) @ said.frame
-        loss, each = losses.paper(said, real, here) if config.absolute else losses.unrolled(said, real, here, config.weights)
+        if config.absolute:
+            loss, each = losses.paper(said, real, here)
+        else:
+            loss, each = losses.unrolled(said, real, here, config.weights)
         total = total + loss / length
         for name, value in each.items():
             sums[name] = sums.get(name, 0.0) + value.detach() / length
@@ -353,4 +359,3 @@ def _join(parts: list[Frames]) -> Frames:
         at += len(part)
     names = list(Frames.__dataclass_fields__)
     return Frames(**{name: torch.cat([getattr(p, name) for p in out]) for name in names})
-

@@ -1,7 +1,7 @@
-"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (METHOD.md E).
+"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (docs/method.md, D6).
 
-All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.sequences.Truth` of the same step,
-in the root frame of the step's start, and return scalars: means over the rows that are still inside their gap.
+All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.sequences.Truth` of the same
+step, in the root frame of the step's start, and return scalars: means over the rows that are still inside their gap.
 """
 
 from __future__ import annotations
@@ -31,9 +31,7 @@ def _keys(x: Float[Tensor, "row key"], truth: Truth) -> Float[Tensor, ""]:
     return (x * weight).sum() / weight.sum().clamp_min(1.0)
 
 
-def terms(
-    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"]
-) -> dict[str, Float[Tensor, ""]]:
+def terms(prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"]) -> dict[str, Float[Tensor, ""]]:
     """Every term of equations 3, 4 and 5 by its name in the paper; ``here`` are the joints at the step's start."""
 
     def joints(x: Float[Tensor, "row joint c"]) -> Float[Tensor, ""]:
@@ -55,7 +53,11 @@ def terms(
 
 
 def paper(
-    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], reconstruct: float = 1.0, consist: float = 2.5
+    prediction: Prediction,
+    truth: Truth,
+    here: Float[Tensor, "row joint 3"],
+    reconstruct: float = 1.0,
+    consist: float = 2.5,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """Equation 6, with the weights of section 5.1."""
     each = terms(prediction, truth, here)
@@ -66,7 +68,7 @@ def paper(
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of :func:`unrolled` (METHOD.md E, "Stages"); the auxiliary ones are ours."""
+    """Weights of :func:`unrolled` (docs/method.md, D6); the auxiliary ones are ours."""
 
     position: float = 3.0
     rotation: float = 1.0

@@ -1,8 +1,8 @@
 """Training sequences drawn on the fly: the whole database as tensors on the device, a batch as index arrays.
 
 A *row* is one roll-out in progress: a start and a target frame of one clip, and where between them it has got to. The
-rules of sampling are METHOD.md E's: gaps up to 3 s, half of them short; a lone start pose whose past is clamped to it
-and whose velocity is unknown, exactly as at run time; the path given in half of the draws, masked in the others.
+rules of sampling (docs/method.md, D10): gaps up to 3 s, half of them short; a lone start pose whose past is clamped to
+it and whose velocity is unknown, exactly as at run time; the path given in half of the draws, masked in the others.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from interpose import rotation
+from interpose import skeleton as kinematics
 from interpose.data.database import Database
 from interpose.features import HISTORY, JOINTS, KEY_STEP, LONGEST, RATE, SIDE_KEYS
 from interpose.models.dcmoe import Control, State
 from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.motion import Motion, mirror
-from interpose import skeleton as kinematics
 from interpose.skeleton import HUMANOID
 
 UPPER = slice(HUMANOID.index("Spine"), len(HUMANOID))
@@ -120,7 +120,7 @@ def interpolation(
     target_local: Float[Tensor, "batch 22 4"],
     parts: Float[Tensor, "batch time"],
 ) -> Float[Tensor, "batch time pose"]:
-    """The interpolation base A: hips linear, local rotations SLERPed, as (hips, global 6-D); ``parts`` runs from 0 to 1."""
+    """The interpolation base A: hips linear, rotations SLERPed, as (hips, global 6-D); ``parts`` runs from 0 to 1."""
     weight = parts[:, :, None]
     hips = start_hips[:, None] * (1.0 - weight) + target_hips[:, None] * weight
     turn = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_inverse(start_local), target_local), shortest_arc=True)
@@ -170,7 +170,7 @@ PLAIN = ("start", "gone", "total", "path_known", "style")
 
 @dataclass(frozen=True)
 class Sampling:
-    """How rows are drawn. Probabilities unless said otherwise; noise as METHOD.md E gives it."""
+    """How rows are drawn (docs/method.md, D10). Probabilities unless said otherwise."""
 
     lone_start: float = 0.5
     """at the gap's first frame, its past unknown: a user's two poses"""
@@ -207,7 +207,8 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
     lone = kind < rule.lone_start
     gone = torch.where(inside, (uniform(count) * (total - 1)).long(), 0)
     now = start + gone
-    lowest = torch.where(lone, now, torch.where(inside, torch.where(uniform(count) < 0.5, start, start - 10), start - 10))
+    lowest = torch.where(inside & (uniform(count) < 0.5), start, start - 10)
+    lowest = torch.where(lone, now, lowest)
     lowest = torch.minimum(torch.maximum(lowest, data.first[start]), now)
     known_phase = uniform(count) < torch.where(inside, rule.phase_known_inside, rule.phase_known_at_start)
     noisy = inside.float() * uniform(count)
@@ -235,7 +236,8 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
 
     hips = data.hips[now] + normal(count, 3) * rule.hips_noise
     matrices = to_matrix(turned[:, 1] + normal(count, 22, 6) * rule.rotation_noise)
-    before = torch.where((foreign & inside)[:, None, None], placed[:, 0], data.positions[torch.maximum(now - 1, lowest)])
+    moved = (foreign & inside)[:, None, None]
+    before = torch.where(moved, placed[:, 0], data.positions[torch.maximum(now - 1, lowest)])
     state = fresh_state(data, now, lowest, hips, matrices, before, known_phase)
     return Rows(start, gone, total, path_known, style, keys, state)
 
@@ -260,9 +262,8 @@ def poses(
 ) -> tuple[Float[Tensor, "row time 22 6"], Float[Tensor, "row time 22 3"]]:
     """The true rotations and joint positions of each row, ``gone`` frames after its start (clamped at its target).
 
-    Where the keys are foreign, their upper bodies ease into the database's motion over half a second at most, and out of
-    it again. That is how a style is made to matter (METHOD.md E: start and target already determine much): the keys no
-    longer tell it, the label does.
+    Where the keys are foreign, their upper bodies ease into the database's motion over half a second at most, and out
+    of it again. So the style is made to matter (docs/method.md, D20): the keys no longer tell it, the label does.
     """
     gone = torch.minimum(gone, total[:, None])
     index = start[:, None] + gone
@@ -275,7 +276,7 @@ def poses(
         local = data.local[index[row]]
         local = nlerp(keys.start_local[row, None], local, into[..., None, None])
         local = nlerp(keys.target_local[row, None], local, out[..., None, None])
-        local[:, :, :UPPER.start] = data.local[index[row]][:, :, : UPPER.start]
+        local[:, :, : UPPER.start] = data.local[index[row]][:, :, : UPPER.start]
         shape = local.shape[:2]
         matrices = world_matrices(local.flatten(0, 1))
         rotations[row] = to_six(matrices).unflatten(0, shape)
