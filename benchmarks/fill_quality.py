@@ -1,8 +1,10 @@
-"""Fills real clips with keys every 45 frames and tells what came out: `python benchmarks/fill_quality.py DATA [OUT] [MODEL]`.
+"""Fills real clips with keys every 45 frames and tells what came out.
 
-DATA is the folder with lafan1/, 100style/ and bandai-namco-1/. For each clip: whether skeleton and rate are kept and key
-rows identical to the last digit, the arrival error, the acceleration around the keys beside the clip's own, foot slide
-beside the clip's own. OUT gets the filled clips and a contact sheet each.
+    python benchmarks/fill_quality.py DATA [OUT] [MODEL]
+
+DATA is the folder with lafan1/, 100style/ and bandai-namco-1/. For each clip: whether skeleton and rate are kept and
+key rows identical to the last digit, the arrival error, the acceleration around the keys beside the clip's own, foot
+slide beside the clip's own. OUT gets the filled clips and a contact sheet each.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ def main(data: Path, out: Path, model: str | None = None) -> None:
     """Prints the table."""
     session = load_model(model).session
     out.mkdir(parents=True, exist_ok=True)
-    print("| clip | rate | keys identical | arrival, m | acceleration at keys, mean / max | the clip's mean / p95 / max |")
+    print("| clip | rate | keys identical | arrival, m | acceleration at keys: mean, max | own: mean, p95, max |")
     print("|---|---|---|---|---|---|")
     slides = []
     for name, first, step in CLIPS:

@@ -11,7 +11,7 @@ import pytest
 from interpose import rotation
 from interpose.io import bvh
 from interpose.motion import Motion
-from interpose.retarget import from_humanoid, plan, to_humanoid
+from interpose.retarget import Mapping, from_humanoid, plan, to_humanoid
 from interpose.skeleton import HUMANOID
 
 ENDS = ("LeftHand", "RightHand", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
@@ -70,34 +70,32 @@ def test_lafan1_starts_in_the_t_pose_of_the_humanoid(lafan1_dir: Path) -> None:
     assert turns.max() < np.radians(30.0)
 
 
+def check_there_and_back(clip: Motion, mapping: Mapping, lowest_toe: float) -> None:
+    """Hands and feet come back; planted feet stand on the humanoid's floor."""
+    pose = to_humanoid(clip, mapping)
+    names = mapping.pairs()
+    for like in (None, clip[0], clip):
+        back = from_humanoid(pose, mapping, like)
+        assert np.linalg.norm(ends(back, names) - ends(clip, names), axis=-1).max() < 0.005
+    ankle, toe = planted_heights(pose)
+    assert 0.06 < ankle < 0.085
+    assert lowest_toe < toe < 0.015
+    check_hinges(pose)
+
+
 def test_100style_keeps_hands_feet_and_floor(style100_dir: Path) -> None:
     for clip in clips(style100_dir, 5):
         mapping = plan(clip)
         assert (mapping.profile, mapping.missing, mapping.unmapped) == ("100STYLE", (), ("Chest3",))
-        pose = to_humanoid(clip, mapping)
-        names = mapping.pairs()
-        for like in (None, clip[0], clip):
-            back = from_humanoid(pose, mapping, like)
-            assert np.linalg.norm(ends(back, names) - ends(clip, names), axis=-1).max() < 0.005
-        ankle, toe = planted_heights(pose)
-        assert 0.06 < ankle < 0.085
-        assert -0.02 < toe < 0.015
-        check_hinges(pose)
+        check_there_and_back(clip, mapping, lowest_toe=-0.02)
 
 
 def test_bandai_namco_keeps_hands_feet_and_floor(bandai_dir: Path) -> None:
     for clip in clips(bandai_dir, 8):
         mapping = plan(clip)
         assert (mapping.profile, mapping.missing, mapping.unmapped) == ("Bandai-Namco", ("Spine1",), ("joint_Root",))
-        pose = to_humanoid(clip, mapping)
-        names = mapping.pairs()
-        for like in (None, clip[0], clip):
-            back = from_humanoid(pose, mapping, like)
-            assert np.linalg.norm(ends(back, names) - ends(clip, names), axis=-1).max() < 0.005
-        ankle, toe = planted_heights(pose)
-        assert 0.06 < ankle < 0.085
-        assert -0.04 < toe < 0.015  # at the push-off a longer foot than Bandai-Namco's reaches deeper
-        check_hinges(pose)
+        # At the push-off a longer foot than Bandai-Namco's reaches deeper.
+        check_there_and_back(clip, mapping, lowest_toe=-0.04)
 
 
 @pytest.mark.parametrize("name", ["dance1_subject1", "walk4_subject1"])

@@ -26,7 +26,7 @@ class Options:
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
-    """One of the model's styles; left free where left out."""
+    """One of the model's styles; free where left out, and then each further variant takes another one."""
     path: Annotated[str, arg(metavar="auto")] = "auto"
     """The root's track on the ground: auto leaves it to the model."""
     variants: Annotated[int, arg(metavar="N")] = 1

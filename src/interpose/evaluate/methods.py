@@ -101,18 +101,14 @@ def from_model(
     loaded = session.load(model)
     mapping = retarget.plan(skeleton)
 
-    def to_humanoid(
-        root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame joint 4"]
-    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame 22 4"]]:
-        flat = Motion(skeleton, root.reshape(-1, 3), local.reshape(-1, len(skeleton), 4), rate)
-        made = retarget.to_humanoid(flat, mapping)
-        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
-
-    def from_humanoid(
-        root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame 22 4"]
-    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
-        flat = Motion(HUMANOID, root.reshape(-1, 3), local.reshape(-1, len(HUMANOID), 4), rate)
-        made = retarget.from_humanoid(flat, mapping)
+    def carried(
+        across: Callable[[Motion, retarget.Mapping], Motion],
+        source: Skeleton,
+        root: Float[ndarray, "window frame 3"],
+        local: Float[ndarray, "window frame joint 4"],
+    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame other 4"]]:
+        """Windows on the other skeleton, all frames in one call."""
+        made = across(Motion(source, root.reshape(-1, 3), local.reshape(-1, len(source), 4), rate), mapping)
         return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
 
     def generate(
@@ -122,8 +118,8 @@ def from_model(
         target_local: Float[ndarray, "window joint 4"],
         frames: int,
     ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
-        start = to_humanoid(context_root, context_local)
-        end_root, end_local = to_humanoid(target_root[:, None], target_local[:, None])
+        start = carried(retarget.to_humanoid, skeleton, context_root, context_local)
+        end_root, end_local = carried(retarget.to_humanoid, skeleton, target_root[:, None], target_local[:, None])
         end = end_root[:, 0], end_local[:, 0]
         made_root, made_local, contacts = rollout.generate_batch(
             loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
@@ -131,7 +127,7 @@ def from_model(
         whole_root = np.concatenate([start[0][:, -1:], made_root, end_root], axis=1)
         whole_local = np.concatenate([start[1][:, -1:], made_local, end_local], axis=1)
         planted = feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
-        root, local = from_humanoid(made_root, planted[:, 1:-1])
+        root, local = carried(retarget.from_humanoid, HUMANOID, made_root, planted[:, 1:-1])
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)

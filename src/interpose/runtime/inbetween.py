@@ -221,7 +221,8 @@ def _transitions(
 def _styles(request: Request, count: int) -> list[str | None]:
     """The style of each variant: what was asked for; where it was left free, free first and then each style in turn,
     in an order that the seed decides."""
-    known: tuple[str, ...] = request.session.styles
+    assert request.session is not None
+    known = request.session.styles
     if request.style is not None or not known:
         return [request.style] * count
     order = np.random.default_rng(request.seed).permutation(len(known))

@@ -3,8 +3,9 @@
 After Bollo 2018 (`Inertialization: High-Performance Animation Transitions in Gears of War`, GDC): the difference
 between the velocity with which the known motion comes to the start and that with which the transition leaves it is
 carried on and dies away within half a second. A joint's offset is dv t (1 - t / T)^2: none at the key, of the missing
-velocity there, and gone, with its first derivative, at T; it brakes by 4 dv / T at most. Angles are treated as positions are, in rotation
-vectors. The end is treated as the beginning, with time reversed, where frames after the target are known.
+velocity there, and gone, with its first derivative, at T; it brakes by 4 dv / T at most. Angles are treated as
+positions are, in rotation vectors. The end is treated as the beginning, with time reversed, where frames after the
+target are known.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def generate(
     styles: list[str | None],
     seed: int = 0,
 ) -> list[Motion]:
-    """A transition for each of ``starts``, in its style, with its ends: ``frames`` + 2 frames on the rig, at their rate.
+    """A transition for each of ``starts``, in its style, with its ends: ``frames`` + 2 frames on the rig, at its rate.
 
     The starts are equally long and end in the same key; what they hold before it is context. ``target`` begins with its
     key; what follows is known, too, and the transition arrives with its velocity. The ends come out as the keys are,
