@@ -45,8 +45,9 @@ CARRIED = [name for name in state_shapes() if name != "velocity_known"]
 """The state that comes out of a step; the velocity is always known then."""
 TOLERANCE = 1e-3
 """Largest difference allowed between ONNX and torch in one step, relative to an output's range."""
-TOLERANCE_STORED = 0.15
-"""The same once the weights are in 8 bits, on random inputs far from any motion; on motion it is millimetres a gap."""
+TOLERANCE_STORED = 0.3
+"""The same once the weights are in 8 bits. The check's random inputs are far from any motion, and a phase without
+amplitude has any direction: this only guards against a broken file. On motion the difference is millimetres a gap."""
 BLOCK = 32
 """Weights that share a scale."""
 _CHATTY = ("torch.onnx._internal.exporter._registration", "onnx_ir.passes.common.initializer_deduplication")
@@ -110,7 +111,7 @@ def export(run_dir: Path, out: Path, *, name: str | None = None, metrics: dict[s
             "output": dict(output_layout(config["absolute"]).blocks),
         },
         "limits": {"trained_frames_to_target": LONGEST},
-        "training_data": config["databases"],
+        "training_data": [" ".join(word[:12] for word in name.split()) for name in config["databases"]],
         "licence": licence(config["licence"]),
         "metrics": metrics or {},
     }

@@ -115,7 +115,7 @@ def local_translations(
 
 
 def _humanoid() -> Skeleton:
-    # Bone lengths are LaFAN1's (METHOD.md C10), laid out in a T-pose that looks along +Z with its left hand at +X and
+    # Bone lengths are LaFAN1's (docs/method.md, C10), in a T-pose that looks along +Z, its left hand at +X,
     # every joint's frame equal to the world's, so that a global rotation is what the bone has turned since the T-pose.
     side = [
         ("UpLeg", "Hips", (0.1055, 0.0010, 0.0186)),

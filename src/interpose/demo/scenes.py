@@ -33,8 +33,8 @@ def scenes() -> list[Scene]:
     stand = poses.pose(poses.STAND)
     turns = {
         "Aeroplane": poses.pose(poses.AEROPLANE, (2.6, 2.6), 90.0),
-        "Angry": poses.pose(poses.ANGRY, (-2.2, 2.4), -90.0),
-        "Drunk": poses.pose(poses.DRUNK, (1.2, 2.4), 50.0),
+        "Chicken": poses.pose(poses.CHICKEN, (-2.2, 2.4), -90.0),
+        "KarateChop": poses.pose(poses.KARATE, (1.2, 2.4), 50.0),
     }
     made = []
     for style, target in turns.items():
