@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from interpose.data.database import Database
     from interpose.models.dcmoe import DCMoE
     from interpose.runtime.session import Session
-    from interpose.train.sequences import Frames
+    from interpose.train.frames import Frames
 
 # The same examples on every run and every machine, and no time limit: a test fails for its content alone.
 settings.register_profile("interpose", derandomize=True, deadline=None, max_examples=60)

@@ -23,7 +23,8 @@ from interpose.models.dcmoe import Control, DCMoE, Size
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 from interpose.train import checkpoint, dcmoe, loop
-from interpose.train.sequences import Frames, Rows, Truth, base_window, control, load_frames, poses, truth
+from interpose.train.frames import Frames, load_frames
+from interpose.train.sequences import Rows, Truth, base_window, control, poses, truth
 
 STYLES = ("Old", "Young")
 LENGTHS = (150, 90, 120)

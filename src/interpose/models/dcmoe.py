@@ -30,7 +30,6 @@ from interpose.features import (
     CONTACTS,
     EXPERT_INPUT,
     GATE_INPUT,
-    HISTORY,
     JOINTS,
     KEY_STEP,
     KEYS,
@@ -311,8 +310,3 @@ class DCMoE(nn.Module):
         size = point.norm(dim=-1, keepdim=True)
         both = turned / (turned.norm(dim=-1, keepdim=True) + 1e-2) + point / (size + 1e-2)
         return both / (both.norm(dim=-1, keepdim=True) + 1e-2) * size
-
-
-def unknown_phases(batch: int, like: Tensor) -> tuple[Tensor, Tensor]:
-    """Phases of unknown start: zero amplitude everywhere."""
-    return like.new_zeros(batch, HISTORY, CHANNELS, 2), like.new_zeros(batch, SIDE_KEYS, CHANNELS, 2)

@@ -24,16 +24,15 @@ from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
+from interpose.train.frames import Frames, load_frames
 from interpose.train.sequences import (
     PLAIN,
-    Frames,
     Keys,
     Rows,
     Sampling,
     base_window,
     control,
     draw,
-    load_frames,
     poses,
     replace_rows,
     truth,

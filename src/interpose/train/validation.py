@@ -8,7 +8,8 @@ from torch import Tensor
 
 from interpose.models.dcmoe import DCMoE
 from interpose.models.geometry import joint_positions, to_matrix
-from interpose.train.sequences import Frames, Keys, Rows, Sampling, base_window, control, fresh_state
+from interpose.train.frames import Frames
+from interpose.train.sequences import Keys, Rows, Sampling, base_window, control, fresh_state
 
 GAPS = (5, 15, 30, 45, 60, 90)
 

@@ -1,0 +1,124 @@
+"""The frames that DC-MoE trains on, as tensors on one device, and how poses are interpolated there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import roma
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from interpose import rotation
+from interpose import skeleton as kinematics
+from interpose.data.database import Database
+from interpose.features import RATE
+from interpose.models.geometry import to_six
+from interpose.motion import Motion, mirror
+from interpose.skeleton import HUMANOID
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Every frame of one or more databases, mirrored copies after the originals; all tensors on one device."""
+
+    hips: Float[Tensor, "frame 3"]
+    rotations: Float[Tensor, "frame 22 6"]
+    positions: Float[Tensor, "frame 22 3"]
+    facing: Float[Tensor, "frame 2"]
+    local: Float[Tensor, "frame 22 4"]
+    contacts: Float[Tensor, "frame 4"]
+    phases: Float[Tensor, "frame 10 3"]
+    style: Int[Tensor, "frame"]
+    first: Int[Tensor, "frame"]
+    last: Int[Tensor, "frame"]
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    def to(self, device: str) -> Frames:
+        """The same on another device."""
+        return Frames(**{f.name: getattr(self, f.name).to(device) for f in fields(self)})
+
+
+def load_frames(
+    database: Database,
+    phases: Float[np.ndarray, "2 frame 10 3"] | None,
+    styles: list[str],
+    ranges: list[tuple[int, int]],
+) -> Frames:
+    """Those ``ranges`` [start, stop) of frames, each inside a clip, and their mirror images.
+
+    Without ``phases`` they are zero (unknown). styles: the model's labels; label i becomes i + 1, others 0 (free).
+    """
+    labels = database.style_indices()
+    known = np.array([styles.index(s) + 1 if s in styles else 0 for s in database.styles])
+    starts = database.ranges[:, 0]
+    parts: list[dict[str, np.ndarray]] = []
+    at = 0
+    for mirrored in (False, True):
+        for start, stop in ranges:
+            turned = database.local_rotations[start:stop].astype(float)
+            turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+            clip = Motion(HUMANOID, database.root_positions[start:stop].astype(float), turned, RATE)
+            contacts = np.asarray(database.contacts[start:stop])
+            if mirrored:
+                clip, contacts = mirror(clip), contacts[:, [2, 3, 0, 1]]
+            count = stop - start
+            label = labels[np.searchsorted(starts, start, side="right") - 1]
+            world = clip.global_rotations()
+            positions = kinematics.global_positions(clip.root_positions, world, HUMANOID.parents, HUMANOID.offsets)
+            forward = rotation.rotate(rotation.twist(world[:, 0], np.array([0.0, 1.0, 0.0])), np.array([0.0, 0.0, 1.0]))
+            parts.append(
+                {
+                    "hips": clip.root_positions,
+                    "rotations": rotation.to_6d(world),
+                    "positions": positions,
+                    "facing": forward[:, ::2],
+                    "local": clip.local_rotations,
+                    "contacts": contacts,
+                    "phases": np.zeros((count, 10, 3)) if phases is None else phases[int(mirrored), start:stop],
+                    "style": np.full(count, known[label]),
+                    "first": np.full(count, at),
+                    "last": np.full(count, at + count - 1),
+                }
+            )
+            at += count
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    whole = {"style", "first", "last"}
+    return Frames(**{k: torch.tensor(v, dtype=torch.int64 if k in whole else torch.float32) for k, v in joined.items()})
+
+
+def interpolation(
+    start_hips: Float[Tensor, "batch 3"],
+    start_local: Float[Tensor, "batch 22 4"],
+    target_hips: Float[Tensor, "batch 3"],
+    target_local: Float[Tensor, "batch 22 4"],
+    parts: Float[Tensor, "batch time"],
+) -> Float[Tensor, "batch time pose"]:
+    """The interpolation base A: hips linear, rotations SLERPed, as (hips, global 6-D); ``parts`` runs from 0 to 1."""
+    weight = parts[:, :, None]
+    hips = start_hips[:, None] * (1.0 - weight) + target_hips[:, None] * weight
+    turn = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_inverse(start_local), target_local), shortest_arc=True)
+    step = roma.rotvec_to_unitquat(turn[:, None] * weight[..., None])
+    local = roma.quat_product(start_local[:, None].expand_as(step), step)
+    return torch.cat([hips, to_six(world_matrices(local)).flatten(2)], dim=-1)
+
+
+def world_matrices(local: Float[Tensor, "*batch 22 4"]) -> Float[Tensor, "*batch 22 3 3"]:
+    """``q_world_joint`` as matrices from ``q_parent_joint``."""
+    turned = roma.unitquat_to_rotmat(local)
+    world = [turned[..., 0, :, :]]
+    for joint, parent in enumerate(HUMANOID.parents[1:], start=1):
+        world.append(world[parent] @ turned[..., joint, :, :])
+    return torch.stack(world, dim=-3)
+
+
+def nlerp(
+    a: Float[Tensor, "*#batch 4"], b: Float[Tensor, "*#batch 4"], t: Float[Tensor, "*#batch 1"]
+) -> Float[Tensor, "*batch 4"]:
+    """Linear interpolation of quaternions along the shorter arc, normalised."""
+    near = torch.where((a * b).sum(dim=-1, keepdim=True) < 0.0, -b, b)
+    mixed = a + (near - a) * t
+    return mixed / mixed.norm(dim=-1, keepdim=True).clamp_min(1e-6)
