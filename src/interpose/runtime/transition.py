@@ -8,16 +8,22 @@ the 22 joints lack interpolated (`retarget`).
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from interpose import retarget
+from interpose.data.contacts import INDICES
 from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import feet, inertia, rollout
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
+
+LANDING = 3
+"""Frames from the start key in which a foot that comes to it in motion is left free."""
+LANDING_SPEED = 0.5
+"""Metres a second from which on it is in motion."""
 
 
 def generate(
@@ -45,15 +51,17 @@ def generate(
     )
     root = np.concatenate([context[0][:, -1:], made_root, goal[0]], axis=1)
     local = np.concatenate([context[1][:, -1:], made_local, goal[1]], axis=1)
+    contacts = np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge")
     if len(starts[0]) > 1:
         ago = min(rate / MODEL_RATE, len(starts[0]) - 1.0)
         poses = _stacked([sample(start, np.array([len(start) - 1.0 - ago])) for start in starts], mapping)
+        contacts[:, :LANDING] *= ~_moving(poses, context, ago / rate)[:, None]
         root, local = inertia.leave(root, local, poses[0][:, 0], poses[1][:, 0], step, ago / rate)
     if len(target) > 1:
         ahead = min(rate / MODEL_RATE, len(target) - 1.0)
         poses = _stacked([sample(target, np.array([ahead]))] * count, mapping)
         root, local = inertia.arrive(root, local, poses[0][:, 0], poses[1][:, 0], step, ahead / rate)
-    local = feet.plant_batch(root, local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
+    local = feet.plant_batch(root, local, contacts)
     before = context[0].shape[1] - 1
     root = np.concatenate([context[0][:, :-1], root], axis=1)
     local = np.concatenate([context[1][:, :-1], local], axis=1)
@@ -66,6 +74,20 @@ def generate(
     on_rig = retarget.from_humanoid(whole, mapping, details)
     size = frames + 2
     return [on_rig[i * size : (i + 1) * size] for i in range(count)]
+
+
+def _moving(
+    before: tuple[Float[ndarray, "batch 1 3"], Float[ndarray, "batch 1 22 4"]],
+    context: tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"]],
+    seconds: float,
+) -> Bool[ndarray, "batch 4"]:
+    """Which foot joints come to the start key in motion: such a foot does not stand there yet."""
+
+    def feet_of(root: Float[ndarray, "batch 3"], local: Float[ndarray, "batch 22 4"]) -> Float[ndarray, "batch 4 3"]:
+        return Motion(HUMANOID, root, local, MODEL_RATE).global_positions()[:, INDICES]
+
+    way = feet_of(context[0][:, -1], context[1][:, -1]) - feet_of(before[0][:, 0], before[1][:, 0])
+    return np.linalg.norm(way, axis=-1) > LANDING_SPEED * seconds
 
 
 def _stacked(
