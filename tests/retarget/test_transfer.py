@@ -10,8 +10,8 @@ from retarget.characters import RIGS, Rig, about, build, random_motion, repose
 
 from interpose import rotation
 from interpose.errors import InputError
-from interpose.motion import Motion, concatenate
-from interpose.retarget import carry_details, from_humanoid, plan, to_humanoid
+from interpose.motion import Motion
+from interpose.retarget import from_humanoid, plan, to_humanoid
 from interpose.skeleton import HUMANOID, Skeleton
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -221,48 +221,6 @@ def animated(motion: Motion, seed: int) -> Motion:
     moved = motion.skeleton.offsets + rng.normal(0.0, 0.01, (len(motion), len(motion.skeleton), 3))
     moved[:, 0] = motion.root_positions
     return replace(motion, translations=moved)
-
-
-@settings(max_examples=12)
-@given(rig=RIG, seed=SEEDS, moving=st.booleans())
-def test_details_meet_both_keys(rig: Rig, seed: int, moving: bool) -> None:
-    motion = random_motion(build(rig), seed, frames=2)
-    if moving:
-        motion = animated(motion, seed)
-    mapping = plan(motion.skeleton)
-    there = to_humanoid(motion, mapping)
-    generated = from_humanoid(concatenate(there[:1], *[there[:1]] * 99, *[there[1:]] * 100), mapping, like=motion[0])
-    carried = carry_details(generated, motion[0], motion[1], mapping)
-    np.testing.assert_allclose(carried.global_positions()[0], motion.global_positions()[0], atol=0.1)
-    np.testing.assert_allclose(carried.global_positions()[-1], motion.global_positions()[1], atol=0.1)
-    joints = mapped(motion, set(mapping.pairs().values()))
-    angles = rotation.angle(
-        rotation.multiply(rotation.inverse(carried.global_rotations()), generated.global_rotations())[:, joints]
-    )
-    assert angles.max() < 1e-6
-    same = carry_details(generated[:3], motion[0], motion[0], mapping)
-    np.testing.assert_allclose(same.global_positions(), motion.global_positions()[[0, 0, 0]], atol=1e-9)
-
-
-def test_fingers_are_halfway_at_half_time() -> None:
-    skeleton = build(RIGS[7])
-    motion = random_motion(skeleton, 8, frames=2)
-    mapping = plan(skeleton)
-    generated = from_humanoid(to_humanoid(random_motion(skeleton, 9, frames=1), mapping), mapping)
-    middle = carry_details(generated, motion[0], motion[1])
-    finger = skeleton.index("LeftHandIndex2")
-    half = rotation.slerp(motion.local_rotations[0, finger], motion.local_rotations[1, finger], np.array(0.5))
-    assert rotation.angle(rotation.multiply(rotation.inverse(half), middle.local_rotations[0, finger])) < 1e-6
-
-
-def test_a_root_above_the_hips_goes_from_key_to_key() -> None:
-    motion = animated(random_motion(build(RIGS[2]), 4, frames=2), 4)
-    mapping = plan(motion.skeleton)
-    generated = from_humanoid(to_humanoid(motion[0], mapping), mapping, like=motion[0])
-    middle = carry_details(generated, motion[0], motion[1], mapping)
-    np.testing.assert_allclose(middle.root_positions[0], motion.root_positions.mean(axis=0), atol=1e-12)
-    hips = mapping.hips
-    np.testing.assert_allclose(middle.global_positions()[:, hips], generated.global_positions()[:, hips], atol=1e-9)
 
 
 def test_the_result_keeps_rate_and_layout() -> None:

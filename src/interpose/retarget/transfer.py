@@ -16,7 +16,7 @@ from interpose import rotation
 from interpose import skeleton as kinematics
 from interpose.errors import InputError
 from interpose.motion import Motion, concatenate, from_global
-from interpose.retarget.mapping import Mapping, plan
+from interpose.retarget.mapping import Mapping
 from interpose.skeleton import HUMANOID
 
 _HIPS = HUMANOID.index("Hips")
@@ -68,24 +68,6 @@ def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) 
     return _assemble(world, place, details, mapping, replace(like, rate=motion.rate))
 
 
-def carry_details(generated: Motion, start: Motion, target: Motion, mapping: Mapping | None = None) -> Motion:
-    """The frames between two keys with what the 22 joints lose put back.
-
-    generated: :func:`from_humanoid`'s frames strictly between the keys, evenly spaced. start, target: the user's true
-    poses (the last frame of `start`, the first of `target`). Fingers, twist bones, extra spine joints, joints above the
-    hips and animated bone lengths are interpolated from key to key; the 22 joints stay as generated.
-    """
-    mapping = plan(start) if mapping is None else mapping
-    for motion in (generated, start, target):
-        _check(motion, mapping)
-    first, last = _details(start[-1], mapping), _details(target[0], mapping)
-    part = np.arange(1, len(generated) + 1) / (len(generated) + 1)
-    world = generated.global_rotations()
-    mapped = {joint: world[:, joint] for joint in mapping.joints if joint is not None}
-    place = generated.global_positions()[:, mapping.hips]
-    return _assemble(mapped, place, _mix(first, last, part), mapping, generated)
-
-
 @dataclass(frozen=True)
 class _Details:
     """What a pose has beyond the 22 joints.
@@ -109,15 +91,6 @@ def _details(motion: Motion, mapping: Mapping) -> _Details:
     for joint, base in bent.items():
         rotations[:, joint] = rotation.multiply(rotation.inverse(base), world[:, joint])
     return _Details(rotations, motion.root_positions, motion.translations)
-
-
-def _mix(a: _Details, b: _Details, part: Float[ndarray, "frame"]) -> _Details:
-    """From pose `a` to pose `b`."""
-    moved = None
-    if a.translations is not None and b.translations is not None:
-        moved = (1 - part)[:, None, None] * a.translations + part[:, None, None] * b.translations
-    root = (1 - part)[:, None] * a.root + part[:, None] * b.root
-    return _Details(rotation.slerp(a.rotations, b.rotations, part[:, None]), root, moved)
 
 
 def _assemble(
