@@ -14,7 +14,7 @@ from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, GATE_INPUT
 from interpose.models.dcmoe import DCMoE, Size
 from interpose.train import checkpoint, dcmoe, validation
-from interpose.train.dcmoe import PRESETS, Config, Stage, set_statistics, split, target_mask, unroll
+from interpose.train.dcmoe import PRESETS, Config, Stage, set_statistics, target_mask, unroll
 from interpose.train.sequences import Sampling, draw
 
 STAGES = (Stage(2, 1, 8), Stage(4, 3, 8))
@@ -135,15 +135,6 @@ def test_what_cannot_be_trained(database, phases, tmp_path):
     with pytest.raises(InputError, match="no clip is longer than a second"):
         dcmoe.train([short.path], tmp_path / "run", "tiny")
     assert not (tmp_path / "run").exists()
-
-
-def test_the_end_of_long_clips_is_held_out(tmp_path):
-    data = learning.write_database(tmp_path / "db", lengths=(1040, 1039, 1, 4000))
-    training, held_out = split(data)
-    assert held_out == [(910, 1040), (5840, 6080)]
-    assert training == [(0, 910), (1040, 2079), (2080, 5840)]
-    short = learning.write_database(tmp_path / "short", lengths=(150, 90))
-    assert split(short) == ([(0, 150), (150, 240)], [(0, 150)])
 
 
 def test_statistics_normalise_what_goes_in_and_what_comes_out(frames):

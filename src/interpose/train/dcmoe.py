@@ -20,6 +20,7 @@ from torch import Tensor
 
 from interpose.data import database
 from interpose.data.database import Database
+from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
@@ -168,26 +169,13 @@ def train(
         if np.diff(of.ranges).max() < HISTORY:
             raise InputError(f"{of.path}: no clip is longer than a second; prepare longer ones")
     arrays = [None] * len(loaded) if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
-    training = _join([load_frames(d, p, list(config.styles), split(d)[0]) for d, p in zip(loaded, arrays, strict=True)])
-    held_out = _join([load_frames(d, p, list(config.styles), split(d)[1]) for d, p in zip(loaded, arrays, strict=True)])
+    training, held_out = (
+        _join(
+            [load_frames(d, p, list(config.styles), training_ranges(d)[i]) for d, p in zip(loaded, arrays, strict=True)]
+        )
+        for i in (0, 1)
+    )
     return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)
-
-
-def split(
-    data: Database, held_out: float = 0.06, least: int = 130
-) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Frame ranges for training and for validation: the end of every clip long enough to spare it. A clip of one frame
-    is in neither."""
-    training, validating = [], []
-    for start, stop in data.ranges.tolist():
-        if stop - start < 2:
-            continue
-        tail = max(least, round(held_out * (stop - start)))
-        cut = stop - tail if stop - start >= 8 * least else stop
-        training.append((start, cut))
-        if cut < stop:
-            validating.append((cut, stop))
-    return training, validating or training[:1]
 
 
 def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:

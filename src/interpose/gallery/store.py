@@ -1,0 +1,216 @@
+"""Galleries on disk: a folder of arrays that are mapped into memory, and the small form that travels with a model.
+
+    folder            meta.json, the tracks and the index as .npy files, memory-mapped; made by `interpose gallery build`
+    gallery.npz       the tracks alone, with the same facts; the index is worked out when it is loaded
+
+`meta.json` is written last and the folder put in place whole.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import zipfile
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.data.database import Database
+from interpose.data.split import training_ranges
+from interpose.errors import InputError
+from interpose.gallery import index as indexing
+from interpose.gallery.index import Index, Progress
+from interpose.gallery.matching import Search
+from interpose.gallery.tracks import POSTURE, Tracks, from_database
+from interpose.io.files import write_whole
+
+VERSION = 1
+META = "meta.json"
+QUANTILES = 1024
+_TRACKS: dict[str, tuple[tuple[int, ...], type]] = {
+    "root": ((3,), np.float32),
+    "posture": ((POSTURE,), np.float16),
+    "ranges": ((2,), np.int64),
+    "clip_styles": ((), np.int64),
+}
+_INDEX: dict[str, tuple[tuple[int, ...], type]] = {
+    "start": ((), np.uint32),
+    "steps": ((), np.uint8),
+    "distance": ((), np.float32),
+    "facing": ((2,), np.uint16),
+    "cells": ((), np.uint32),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Gallery:
+    """A gallery, ready to be searched. info: what it was made from (`made_from`), its `licence`, and its sizes."""
+
+    index: Index
+    info: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def tracks(self) -> Tracks:
+        return self.index.tracks
+
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """The styles that its trajectories were walked in."""
+        return self.tracks.styles
+
+    @property
+    def search(self) -> Search:
+        """The k best windows by the index."""
+        return partial(indexing.best, self.index)
+
+    @cached_property
+    def distances(self) -> Float[ndarray, "quantile"]:
+        """The distribution of the windows' lengths, ascending, metres."""
+        step = max(1, len(self.index) // (64 * QUANTILES))
+        return np.quantile(self.index.distance[::step].astype(float), np.linspace(0.0, 1.0, QUANTILES))
+
+    def style_indices(self, style: str | None) -> tuple[int, ...] | None:
+        """What :class:`~interpose.gallery.windows.Wanted` takes for a style; None leaves it free.
+
+        Raises InputError for a style that no trajectory here was walked in.
+        """
+        if style is None:
+            return None
+        if style not in self.styles:
+            raise InputError(f"the gallery has no trajectory in style '{style}'; it has {', '.join(self.styles)}")
+        return (self.styles.index(style),)
+
+
+def of_tracks(
+    tracks: Tracks, info: dict[str, Any] | None = None, progress: Progress = lambda done, total: None
+) -> Gallery:
+    """A gallery in memory. Raises InputError where no clip is long enough."""
+    return Gallery(indexing.build(tracks, progress), info or {})
+
+
+def build(database: Database, out: Path, part: str = "all", progress: Progress = lambda done, total: None) -> Gallery:
+    """Writes the folder ``out``, whole or not at all, and gives the gallery in it.
+
+    part: 'all' of the database, or 'train' without the ends of the clips that trainings hold out. Raises InputError for
+    another part, where no clip is long enough, and where ``out`` is there and is no gallery or cannot be written.
+    """
+    if part not in ("all", "train"):
+        raise InputError(f"unknown part '{part}' of a database; use all or train")
+    if out.exists() and not (out / META).exists():
+        raise InputError(f"{out} is there and is no gallery; give another name")
+    tracks = from_database(database, None if part == "all" else training_ranges(database)[0])
+    made_from = f"root tracks of {database.dataset} {database.fingerprint[:12]}, {part}".replace(" ,", ",")
+    gallery = of_tracks(tracks, {"made_from": made_from, "licence": database.licence}, progress)
+    save(gallery, out)
+    return load(out)
+
+
+def save(gallery: Gallery, out: Path) -> None:
+    """Writes the folder of a gallery; one that was there stays whole until the new one is."""
+    meta = {
+        "version": VERSION,
+        "styles": gallery.styles,
+        "frames": len(gallery.tracks),
+        "windows": len(gallery.index),
+        "bytes_a_window": round(gallery.index.nbytes / len(gallery.index), 2),
+        **gallery.info,
+    }
+    temporary = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        temporary.mkdir(parents=True)
+        for names, owner in ((_TRACKS, gallery.tracks), (_INDEX, gallery.index)):
+            for name in names:
+                np.save(temporary / f"{name}.npy", getattr(owner, name))
+        (temporary / META).write_text(json.dumps(meta, indent=1, ensure_ascii=False), encoding="utf-8")
+        if out.exists():
+            shutil.rmtree(out)
+        temporary.replace(out)
+    except OSError as error:
+        raise InputError(f"the gallery {out} cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def load(path: Path) -> Gallery:
+    """The gallery of a folder, or of a `gallery.npz`. Raises InputError where there is none, or one that is damaged."""
+    if path.suffix == ".npz":
+        return _load_small(path)
+    try:
+        meta = json.loads((path / META).read_text(encoding="utf-8"))
+        styles = tuple(str(style) for style in meta["styles"])
+        version = meta["version"]
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"{path} is no gallery: it has no {META}; make one with 'interpose gallery build'") from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path / META} cannot be read ({error!r}); build the gallery again") from None
+    if version != VERSION:
+        raise InputError(f"{path} has version {version}, this program needs {VERSION}; build the gallery again")
+    tracks = Tracks(**{name: _map(path / f"{name}.npy", *_TRACKS[name]) for name in _TRACKS}, styles=styles)
+    index = Index(tracks, **{name: _map(path / f"{name}.npy", *_INDEX[name]) for name in _INDEX})
+    _check(tracks, path)
+    windows = len(index.start)
+    fit = all(len(getattr(index, name)) == windows for name in ("steps", "distance", "facing"))
+    if not fit or len(index.cells) != len(styles) * indexing.BINS * indexing.PAIRS + 1 or index.cells[-1] != windows:
+        raise InputError(f"the files of the gallery {path} do not fit together; build it again")
+    return Gallery(index, meta)
+
+
+def save_small(tracks: Tracks, info: dict[str, Any], out: Path) -> None:
+    """Writes the form that travels with a model: tracks and facts, no index."""
+    held = io.BytesIO()
+    facts = json.dumps({"version": VERSION, "styles": tracks.styles, **info}, ensure_ascii=False)
+    np.savez_compressed(held, meta=np.array(facts), **{name: getattr(tracks, name) for name in _TRACKS})
+    write_whole(out, held.getvalue())
+
+
+def _load_small(path: Path) -> Gallery:
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            meta = json.loads(str(held["meta"]))
+            arrays = {name: held[name] for name in _TRACKS}
+        styles = tuple(str(style) for style in meta["styles"])
+        version = meta["version"]
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such gallery; make one with 'interpose gallery build'") from None
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no gallery ({error}); make one with 'interpose gallery build'") from None
+    if version != VERSION:
+        raise InputError(f"{path} has version {version}, this program needs {VERSION}; export the model again")
+    for name, (row, kind) in _TRACKS.items():
+        if arrays[name].dtype != kind or arrays[name].shape[1:] != row:
+            raise InputError(f"{path}: {name} is {arrays[name].dtype} {arrays[name].shape}; build the gallery again")
+    tracks = Tracks(**arrays, styles=styles)
+    _check(tracks, path)
+    return of_tracks(tracks, meta)
+
+
+def _check(tracks: Tracks, path: Path) -> None:
+    ends = np.concatenate([[0], tracks.ranges[:, 1]])
+    if not (
+        len(tracks.posture) == len(tracks.root)
+        and len(tracks.clip_styles) == len(tracks.ranges) > 0
+        and np.array_equal(tracks.ranges[:, 0], ends[:-1])
+        and ends[-1] == len(tracks.root)
+        and 0 <= tracks.clip_styles.min() <= tracks.clip_styles.max() < len(tracks.styles)
+        and np.isfinite(tracks.root).all()
+    ):
+        raise InputError(f"the tracks of the gallery {path} do not fit together; build it again")
+
+
+def _map(file: Path, row: tuple[int, ...], kind: type) -> ndarray:
+    try:
+        array = np.load(file, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError:
+        raise InputError(f"{file} is missing; build the gallery again") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{file} cannot be read ({error}); build the gallery again") from None
+    if array.dtype != kind or array.shape[1:] != row:
+        raise InputError(f"{file} holds {array.dtype} {array.shape}; build the gallery again")
+    return array

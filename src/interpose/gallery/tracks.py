@@ -1,0 +1,111 @@
+"""What a gallery searches: the root track of every frame of some clips, and a few points of the body beside it.
+
+A *track* row is (x, z, yaw): where the hips stand on the ground in metres and the twist of the hips about the vertical
+in radians, unwrapped within a clip. It is the root that the network sees (`interpose.features`), not the smoothed one of
+`interpose.data.root.trajectory`: a lone key pose has no neighbours to be smoothed with, and a path that sways as walking
+does is what the network was trained on.
+
+A *posture* is the height of the hips and the place of head, hands and feet in the root's own frame, for telling how alike
+two poses are. Seen in a mirror, a track turns the other way and a posture exchanges its sides; nothing mirrored is stored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float16, Float32, Int
+from numpy import ndarray
+
+from interpose.data.database import Database
+from interpose.data.root import pose_yaw
+from interpose.motion import Motion
+from interpose.skeleton import HUMANOID
+
+POINTS = ("Head", "LeftHand", "RightHand", "LeftToe", "RightToe")
+POSTURE = 1 + 3 * len(POINTS)
+"""Numbers of a posture: the hips' height, then x, y, z of each point."""
+_INDICES = [HUMANOID.index(name) for name in POINTS]
+_SWAPPED = np.array([0, *(1 + 3 * p + c for p in (0, 2, 1, 4, 3) for c in range(3))])
+_SIGNS = np.array([1.0, *([-1.0, 1.0, 1.0] * len(POINTS))])
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Root tracks of clips that follow one another without gaps.
+
+    root: x, z, yaw. posture: see the module's text. ranges: frames [start, stop) of each clip. clip_styles: index into
+    ``styles`` of each clip.
+    """
+
+    root: Float32[ndarray, "frame 3"]
+    posture: Float16[ndarray, "frame 16"]
+    ranges: Int[ndarray, "clip 2"]
+    clip_styles: Int[ndarray, "clip"]
+    styles: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """The number of frames."""
+        return len(self.root)
+
+    def cut(self, start: int, steps: int, mirrored: bool) -> Float[ndarray, "time 3"]:
+        """The track of a window, both ends included, in double precision."""
+        track = self.root[start : start + steps + 1].astype(float)
+        return track * [-1.0, 1.0, -1.0] if mirrored else track
+
+
+def track_of(motion: Motion) -> Float[ndarray, "frame 3"]:
+    """x, z and unwrapped yaw of every frame of a motion of the 22 joints."""
+    hips = motion.root_positions
+    yaw = np.unwrap(pose_yaw(motion.local_rotations[:, 0]))
+    return np.stack([hips[:, 0], hips[:, 2], yaw], axis=-1)
+
+
+def posture_of(motion: Motion) -> Float[ndarray, "frame 16"]:
+    """Posture of every frame of a motion of the 22 joints, metres."""
+    positions = motion.global_positions()
+    yaw = pose_yaw(motion.local_rotations[:, 0])[:, None]
+    away = positions[:, _INDICES] - positions[:, :1] * [1.0, 0.0, 1.0]
+    side = np.cos(yaw) * away[..., 0] - np.sin(yaw) * away[..., 2]
+    ahead = np.sin(yaw) * away[..., 0] + np.cos(yaw) * away[..., 2]
+    local = np.stack([side, away[..., 1], ahead], axis=-1)
+    return np.concatenate([positions[:, :1, 1], local.reshape(len(local), -1)], axis=-1)
+
+
+def mirror_posture(posture: Float[ndarray, "*batch 16"]) -> Float[ndarray, "*batch 16"]:
+    """The posture of the mirrored pose."""
+    return posture[..., _SWAPPED] * _SIGNS
+
+
+def posture_distance(a: Float[ndarray, "*#batch 16"], b: Float[ndarray, "*#batch 16"]) -> Float[ndarray, "*batch"]:
+    """How far apart two postures are: root mean square over the hips' height and the five points, metres."""
+    return np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POINTS)))
+
+
+def from_database(database: Database, ranges: list[tuple[int, int]] | None = None) -> Tracks:
+    """The tracks of a prepared database, or of those frame ranges of it (each inside a clip)."""
+    chosen = [(int(a), int(b)) for a, b in database.ranges] if ranges is None else ranges
+    starts = database.ranges[:, 0]
+    labels = database.style_indices()
+    motions = []
+    for start, stop in chosen:
+        turned = database.local_rotations[start:stop].astype(float)
+        turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
+        motions.append(Motion(HUMANOID, database.root_positions[start:stop].astype(float), turned, 30.0))
+    clips = [int(np.searchsorted(starts, start, side="right")) - 1 for start, _ in chosen]
+    return from_motions(motions, [database.styles[labels[clip]] for clip in clips])
+
+
+def from_motions(motions: list[Motion], styles: list[str]) -> Tracks:
+    """The tracks of motions of the 22 joints at 30 Hz, each with its style. Each begins at the origin of the ground."""
+    names = tuple(sorted(set(styles)))
+    tracks = [track_of(motion) for motion in motions]
+    lengths = np.array([len(track) for track in tracks], dtype=np.int64)
+    stops = np.cumsum(lengths)
+    return Tracks(
+        np.concatenate([track - [*track[0, :2], 0.0] for track in tracks]).astype(np.float32),
+        np.concatenate([posture_of(motion) for motion in motions]).astype(np.float16),
+        np.stack([stops - lengths, stops], axis=-1),
+        np.array([names.index(style) for style in styles], dtype=np.int64),
+        names,
+    )

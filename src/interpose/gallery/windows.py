@@ -1,0 +1,118 @@
+"""Atomic trajectories (Chu and Yang 2024, section 4.1) as numbers, and how far one is from a query (equation 7).
+
+A *window* is a start frame and a number of steps, 15 to 150 (0.5 to 5 s), within one clip: T = (id, o_s, o_e, v_p, c).
+What matters of it once it is turned onto a query is the length of v_p and both facings relative to the direction of v_p.
+Angles are kept in 65,536ths of a turn, so that errors are whole numbers and two ways to search agree on every tie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float32, Int, Int32, UInt16
+from numpy import ndarray
+
+SHORTEST, LONGEST = 15, 150
+"""Steps of a window."""
+LENGTHS = LONGEST - SHORTEST + 1
+TURN = 65536
+"""Units of angle in a whole turn."""
+
+Criterion = Literal["both", "start", "turn"]
+"""What the error counts: both facings (equation 7), the start's alone (Algorithm 1, line 18), or by how much the facing
+turns from start to end, for where start and end are one place and v_p has no direction."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a window must have. Facings are radians relative to v_p, counter-clockwise seen from below (as yaw is).
+
+    distance: lowest and highest length of v_p, metres. steps: fewest and most. styles: indices, or None for all.
+    threshold: the largest error, radians.
+    """
+
+    distance: tuple[float, float]
+    facing: tuple[float, float]
+    criterion: Criterion = "both"
+    steps: tuple[int, int] = (SHORTEST, LONGEST)
+    styles: tuple[int, ...] | None = None
+    threshold: float = 2.0 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Windows, best first: by error, then unmirrored before mirrored, then by start frame, then by steps."""
+
+    start: Int[ndarray, "window"]
+    steps: Int[ndarray, "window"]
+    mirrored: Int[ndarray, "window"]
+    error: Int[ndarray, "window"]
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+NONE = Found(*(np.zeros(0, dtype=np.int64) for _ in range(4)))
+
+
+def to_units(angle: float) -> int:
+    """An angle in radians as 65,536ths of a turn, whole turns taken off."""
+    return int(np.round(angle / (2.0 * np.pi) * TURN)) % TURN
+
+
+def features(
+    root: Float32[ndarray, "frame 3"], start: Int[ndarray, "window"], steps: Int[ndarray, "window"] | int
+) -> tuple[Float32[ndarray, "window"], UInt16[ndarray, "window"], UInt16[ndarray, "window"]]:
+    """Length of v_p in metres, and both facings relative to it in 65,536ths of a turn; 0 stands for no direction."""
+    a, b = root[start].astype(float), root[start + steps].astype(float)
+    way = b[:, :2] - a[:, :2]
+    distance = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2).astype(np.float32)
+    heading = np.arctan2(way[:, 0], way[:, 1])
+    turned = [np.round((end[:, 2] - heading) * (TURN / (2.0 * np.pi))).astype(np.int64) for end in (a, b)]
+    return distance, turned[0].astype(np.uint16), turned[1].astype(np.uint16)
+
+
+def errors(
+    facing_start: UInt16[ndarray, "window"],
+    facing_end: UInt16[ndarray, "window"],
+    wanted: tuple[int, int],
+    criterion: Criterion,
+) -> Int32[ndarray, "window"]:
+    """Equation 7 in units of angle; ``wanted`` are the query's facings in the same units."""
+    if criterion == "turn":
+        return apart(facing_end - facing_start, (wanted[1] - wanted[0]) % TURN)
+    error = apart(facing_start, wanted[0])
+    return error if criterion == "start" else error + apart(facing_end, wanted[1])
+
+
+def apart(angle: UInt16[ndarray, "*batch"], wanted: int) -> Int32[ndarray, "*batch"]:
+    """The smaller angle between two directions, 0 to half a turn."""
+    return np.abs((angle - np.uint16(wanted)).view(np.int16).astype(np.int32))
+
+
+def first_of(found: Found, count: int) -> Found:
+    """The ``count`` best, in order."""
+    if len(found) > count:
+        worst = np.partition(found.error, count - 1)[count - 1]
+        found = select(found, found.error <= worst)
+    order = np.lexsort((found.steps, found.start, found.mirrored, found.error))[:count]
+    return select(found, order)
+
+
+def select(found: Found, rows: ndarray) -> Found:
+    """Some of the windows, by index or mask."""
+    return Found(found.start[rows], found.steps[rows], found.mirrored[rows], found.error[rows])
+
+
+def join(parts: list[Found]) -> Found:
+    """All windows of several findings, unordered."""
+    if not parts:
+        return NONE
+    return Found(
+        np.concatenate([part.start for part in parts]),
+        np.concatenate([part.steps for part in parts]),
+        np.concatenate([part.mirrored for part in parts]),
+        np.concatenate([part.error for part in parts]),
+    )
