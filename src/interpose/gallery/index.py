@@ -1,9 +1,10 @@
 """The index: the same answers as the full scan of `scan`, from a few thousand windows in place of all of them.
 
-Windows are sorted by style, by the length of v_p in bins of some 3 %, by both facings in bins of a 32nd of a turn, and within
-such a cell by steps. A query reads the bins that its distances touch. For each pair of facing bins the least error that
-a window in it can have is known beforehand; pairs are read in that order until the worst of the best found so far beats
-every pair not yet read, so nothing is missed. A mirrored window is an unmirrored one held against the mirrored query.
+Windows are sorted by style, by the length of v_p in bins of some 3 %, by both facings in bins of a 32nd of a turn, and
+within such a cell by steps. A query reads the bins that its distances touch. For each pair of facing bins the least
+error that a window in it can have is known beforehand; pairs are read in that order until the worst of the best found
+so far beats every pair not yet read, so nothing is missed. A mirrored window is an unmirrored one held against the
+mirrored query.
 
 A window takes 13 bytes (start 4, steps 1, distance 4, facings 2 + 2), and the table of cells one megabyte a style.
 """
@@ -93,7 +94,7 @@ def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Inde
     at = 0
     for style in range(len(tracks.styles)):
         clips = np.nonzero(tracks.clip_styles == style)[0]
-        keys = np.concatenate([_keys(tracks, clip) for clip in clips])
+        keys = np.concatenate([_keys(tracks, clip) for clip in clips.tolist()])
         keys.sort()
         base = style * BINS * PAIRS
         sizes[base : base + BINS * PAIRS] = np.bincount(
@@ -157,10 +158,7 @@ def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Genera
     ]
     sizes = np.array([len(rows) for rows, _ in reads], dtype=np.int64)
     total = int(sizes.sum())
-    if total <= count:
-        chosen = np.arange(total)
-    else:
-        chosen = np.unique(generator.integers(0, total, size=count))
+    chosen = np.arange(total) if total <= count else np.unique(generator.integers(0, total, size=count))
     ends = np.cumsum(sizes)
     cuts = np.searchsorted(chosen, ends)
     parts, low = [], 0

@@ -3,8 +3,8 @@
 A query asks for a way from one place and facing on the ground to another. Windows as long as the query's own way are
 *direct* candidates once they are turned onto it. Where there are none within the error budget, the way is split: a
 window shorter than it is put first, judged by its start alone, and what is left is asked for again with what is left of
-the budget, five rounds deep at most. All parts lie on the query's straight line, so what is left of a query is a length,
-two facings, and the steps that remain.
+the budget, five rounds deep at most. All parts lie on the query's straight line, so what is left of a query is a
+length, two facings, and the steps that remain.
 
 Which windows there are is asked through a :data:`Search`, so that the index and the plain scan can serve alike.
 """
@@ -25,7 +25,7 @@ Search = Callable[[Wanted, int], Found]
 """The windows wanted, so many at most, best first: `index.best` or `scan.best` of a gallery."""
 
 IN_PLACE = 0.1
-"""Metres: where start and target are nearer than this the way has no direction, and the turn is matched in its place."""
+"""Metres: where start and target are nearer than this the way has no direction, and the turn is matched instead."""
 LEAST = 0.03
 """Metres: a part of a composition is at least this long."""
 FARTHEST = 100.0
@@ -93,7 +93,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Trace:
-    """One answer: atomic trajectories in order, and their error (equation 7, and the facings' mismatch at the joins)."""
+    """One answer: atomic trajectories in order, and their error (equation 7, with the facings' mismatch at the joins)."""
 
     parts: tuple[Part, ...]
     error: float

@@ -26,7 +26,7 @@ FADE = 15
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """The stages of figure 6 for one window: as it lies in the gallery, turned and scaled onto the query, and finished."""
+    """The stages of figure 6: as a window lies in the gallery, turned and scaled onto the query, and finished."""
 
     found: Float[ndarray, "time 3"]
     turned: Float[ndarray, "time 3"]
@@ -73,7 +73,7 @@ def turn(
 def join(a: Float[ndarray, "before 3"], b: Float[ndarray, "after 3"]) -> Float[ndarray, "time 3"]:
     """One path after another: ``a``'s last frame is ``b``'s first. Their other ends stay as they are, but that ``b`` is
     turned by whole turns."""
-    b = b + [0.0, 0.0, -2.0 * np.pi * np.round((b[0, 2] - a[-1, 2]) / (2.0 * np.pi))]
+    b = b + np.array([0.0, 0.0, -2.0 * np.pi * np.round((b[0, 2] - a[-1, 2]) / (2.0 * np.pi))])
     fade_a, fade_b = min(FADE, len(a) - 1), min(FADE, len(b) - 1)
     before, after = np.arange(len(a))[::-1], np.arange(len(b))
     apart = (b[0] - a[-1]) / 2.0
@@ -94,7 +94,7 @@ def _kick(frames: Float[ndarray, "time"], fade: int) -> Float[ndarray, "time"]:
 def fit(track: Float[ndarray, "time 3"], query: Query) -> Float[ndarray, "time 3"]:
     """A path bent to begin and end exactly where the query does; what it is off is spread smoothly over all of it."""
     start, target = np.array(query.start), np.array(query.target)
-    track = track + [0.0, 0.0, 2.0 * np.pi * np.round((start[2] - track[0, 2]) / (2.0 * np.pi))]
+    track = track + np.array([0.0, 0.0, 2.0 * np.pi * np.round((start[2] - track[0, 2]) / (2.0 * np.pi))])
     target[2] += 2.0 * np.pi * np.round((track[-1, 2] - target[2]) / (2.0 * np.pi))
     late = ease(np.linspace(0.0, 1.0, len(track)))[:, None]
     made = track + (1.0 - late) * (start - track[0]) + late * (target - track[-1])

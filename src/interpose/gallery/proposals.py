@@ -2,9 +2,9 @@
 
 Beyond the paper, which draws one at random: key poses say more than where they stand. A window's two ends are compared
 with the two keys in posture, and where the motion before or after the gap is known, in velocity. From these and the
-error of equation 7 each window of a random sample of all that fit gets a *cost*, and exp(-cost) as its weight. The first
-proposal is the window nearest to the weighted mean path, a real trajectory of the most usual kind; the others are the
-ones least like any chosen before. docs/method.md, D21, has what this is worth.
+error of equation 7 each window of a random sample of all that fit gets a *cost*, and exp(-cost) as its weight. The
+first proposal is the window nearest to the weighted mean path, a real trajectory of the most usual kind; the others are
+the ones least like any chosen before. docs/method.md, D21, has what this is worth.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
@@ -22,7 +22,7 @@ from interpose.gallery.matching import Query, Settings, Trace
 from interpose.gallery.speeds import Suggestion, group_of, suggest
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import mirror_posture, posture_distance
-from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found, Wanted, first_of, join
+from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found, first_of, join
 
 SAMPLE = 2048
 """Windows that are weighed for one gap."""
@@ -214,7 +214,7 @@ def _weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_step
     total = np.square(found.error * (2.0 * np.pi / TURN) / costs.facing)
     if target_steps is not None:
         total += np.square(np.log(found.steps / target_steps) / costs.stretch)
-    else:  # long windows outnumber short ones at a given way; every length of time is to count alike, relative to itself
+    else:  # by 1 / steps: a length of time counts by its ratio to others, not by how many frames it differs
         total += 2.0 * np.log(found.steps)
     if ends.postures is not None:
         for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
@@ -367,8 +367,8 @@ def _unreachable(gallery: Gallery, query: Query, steps: int | None) -> list[Prop
     if steps is None:
         reach = gallery.distances[-1] * (matching.DEFAULT.rounds + 1)
         raise Unreachable(
-            f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to target; "
-            f"the farthest within reach is about {reach:.0f} m; set a key in between"
+            f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
+            f"target; the farthest within reach is about {reach:.0f} m; set a key in between"
         )
     asked = replace(matching.wanted(query, (SHORTEST, LONGEST), None), threshold=2.0 * np.pi)
     lengths = indexing.sample(gallery.index, asked, SAMPLE, np.random.default_rng(0)).steps

@@ -1,12 +1,13 @@
 """What a gallery searches: the root track of every frame of some clips, and a few points of the body beside it.
 
 A *track* row is (x, z, yaw): where the hips stand on the ground in metres and the twist of the hips about the vertical
-in radians, unwrapped within a clip. It is the root that the network sees (`interpose.features`), not the smoothed one of
-`interpose.data.root.trajectory`: a lone key pose has no neighbours to be smoothed with, and a path that sways as walking
-does is what the network was trained on.
+in radians, unwrapped within a clip. It is the root that the network sees (`interpose.features`), not the smoothed one
+of `interpose.data.root.trajectory`: a lone key pose has no neighbours to be smoothed with, and a path that sways as
+walking does is what the network was trained on.
 
-A *posture* is the height of the hips and the place of head, hands and feet in the root's own frame, for telling how alike
-two poses are. Seen in a mirror, a track turns the other way and a posture exchanges its sides; nothing mirrored is stored.
+A *posture* is the height of the hips and the place of head, hands and feet in the root's own frame, for telling how
+alike two poses are. Seen in a mirror, a track turns the other way and a posture exchanges its sides; nothing mirrored
+is stored.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Atomic trajectories (Chu and Yang 2024, section 4.1) as numbers, and how far one is from a query (equation 7).
 
 A *window* is a start frame and a number of steps, 15 to 150 (0.5 to 5 s), within one clip: T = (id, o_s, o_e, v_p, c).
-What matters of it once it is turned onto a query is the length of v_p and both facings relative to the direction of v_p.
-Angles are kept in 65,536ths of a turn, so that errors are whole numbers and two ways to search agree on every tie.
+What matters of it once it is turned onto a query is the length of v_p and both facings relative to the direction of
+v_p. Angles are kept in 65,536ths of a turn, so that errors are whole numbers and two ways to search agree on every tie.
 """
 
 from __future__ import annotations
