@@ -93,7 +93,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Trace:
-    """One answer: atomic trajectories in order, and their error (equation 7, with the facings' mismatch at the joins)."""
+    """One answer: atomic trajectories in order, and their error: equation 7, with the facings' mismatch at joins."""
 
     parts: tuple[Part, ...]
     error: float

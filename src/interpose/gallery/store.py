@@ -1,6 +1,6 @@
 """Galleries on disk: a folder of arrays that are mapped into memory, and the small form that travels with a model.
 
-    folder            meta.json, the tracks and the index as .npy files, memory-mapped; made by `interpose gallery build`
+    folder            meta.json, tracks and index as .npy files, memory-mapped; made by `interpose gallery build`
     gallery.npz       the tracks alone, with the same facts; the index is worked out when it is loaded
 
 `meta.json` is written last and the folder put in place whole.
