@@ -1,0 +1,198 @@
+"""What the pictures share: paper, colours, letters, and how places and facings are drawn from above.
+
+The only module of the gallery that knows matplotlib, and that not before something is drawn.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.render import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+else:  # what checks types while tests run cannot see them
+    Axes = Figure = Any
+
+DPI = 160
+WIDTH = 15.0
+"""Inches of a picture."""
+MARGIN = 0.6
+HEADING, TITLE, TEXT, SMALL = 20.0, 15.0, 12.0, 10.5
+"""Sizes of letters, points."""
+
+
+def _hex(colour: drawing.Colour) -> str:
+    return "#" + "".join(f"{c:02x}" for c in colour)
+
+
+PAPER, INK, START, TARGET = (_hex(c) for c in (drawing.PAPER, drawing.INK, drawing.START, drawing.TARGET))
+FAINT = _hex(drawing.mix(drawing.FAINT, drawing.INK, 0.35))
+"""For words: a little darker than the project's own, which is for larger letters."""
+LINE = _hex(drawing.mix(drawing.PAPER, drawing.FAINT, 0.2))
+
+
+def need_matplotlib() -> None:
+    """Raises InputError where matplotlib is not installed."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        raise InputError("the pictures need matplotlib: pip install 'interpose[train]'") from None
+
+
+def sheet(height: float, heading: str, below: str) -> Figure:
+    """An empty picture with its heading and one quieter line below it, both at the upper left."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    left = MARGIN / WIDTH
+    figure.text(left, 1.0 - 0.62 / height, heading, size=HEADING, color=INK, weight="bold", va="baseline",
+                parse_math=False)  # fmt: skip
+    figure.text(left, 1.0 - 1.0 / height, below, size=TEXT, color=FAINT, va="baseline", parse_math=False)
+    return figure
+
+
+def panel(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+    """Axes without frame and ticks; all four are inches, ``top`` from the upper edge."""
+    tall = figure.get_figheight()
+    axes = figure.add_axes((left / WIDTH, 1.0 - (top + height) / tall, width / WIDTH, height / tall))
+    axes.set_facecolor("none")
+    axes.spines[:].set_visible(False)
+    axes.set_axisbelow(True)
+    axes.set(xticks=[], yticks=[])
+    return axes
+
+
+def colouring(
+    figure: Figure,
+    colours: Sequence[str],
+    low: float,
+    high: float,
+    label: str,
+    ticks: Sequence[float] | None = None,
+    *,
+    root: bool = False,
+) -> Callable[[Any], ndarray]:
+    """Colours for numbers from ``low`` to ``high``, evenly or by their square roots, explained at the upper right.
+
+    Without ``ticks`` a few round numbers are chosen. Gives what makes rows of red, green, blue, alpha of numbers.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, PowerNorm
+    from matplotlib.ticker import MaxNLocator
+
+    ramp = LinearSegmentedColormap.from_list("ramp", list(colours))
+    coloured = ScalarMappable(PowerNorm(0.5 if root else 1.0, low, high), ramp)
+    axes = panel(figure, WIDTH - MARGIN - 3.2, 0.52, 3.2, 0.13)
+    places = list(ticks) if ticks is not None else MaxNLocator(5, steps=[1, 2, 5, 10])
+    bar = figure.colorbar(coloured, cax=axes, orientation="horizontal", ticks=places, format="{x:,g}")
+    bar.outline.set_visible(False)  # type: ignore[operator]  # its stub says Any or a method
+    axes.tick_params(length=0.0, pad=5.0, labelsize=SMALL, labelcolor=FAINT)
+    axes.annotate(label, (1.0, 1.0), (0.0, 6.0), xycoords="axes fraction", textcoords="offset points", ha="right",
+                  size=SMALL, color=FAINT)  # fmt: skip
+    return lambda values: coloured.to_rgba(np.asarray(values, dtype=float))
+
+
+def hill(axes: Axes, at: Float[ndarray, "place"], top: Float[ndarray, "place"], base: float, colours: ndarray) -> None:
+    """What lies between ``base`` and ``top`` (up is less), a colour a place."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    half = (at[1] - at[0]) / 2.0
+    ends = float(at[0] - half), float(at[-1] + half)
+    line = np.concatenate([[[ends[0], base]], [[ends[0], top[0]]], np.stack([at, top], axis=-1), [[ends[1], base]]])
+    filled = axes.imshow(colours[None], extent=(*ends, base, float(top.min())), aspect="auto", zorder=2)
+    filled.set_clip_path(PathPatch(Path(line), transform=axes.transData))
+
+
+def title(axes: Axes, words: str, note: str, letter: str = "") -> None:
+    """A panel's title and a quieter note on one line above it, with a letter before them."""
+    shared: dict[str, Any] = {"textcoords": "offset points", "va": "baseline"}
+    after: Any = "axes fraction"
+    start = 0.0
+    styles = ((letter, TITLE, "bold", TARGET), (words, TITLE, "bold", INK), (note, TEXT, "normal", FAINT))
+    for text, size, weight, colour in styles:
+        if text:
+            after = axes.annotate(text, (start, 1.0), (12.0 * start, 14.0), xycoords=(after, "axes fraction"),
+                                  size=size, weight=weight, color=colour, **shared)  # fmt: skip
+            start = 1.0
+
+
+def png(figure: Figure) -> bytes:
+    """The bytes of the finished picture."""
+    held = io.BytesIO()
+    figure.savefig(held, format="png")
+    return held.getvalue()
+
+
+def seen(track: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 2"]:
+    """Where x, z, yaw is on the page: z to the right, x up, so that yaw turns counter-clockwise from the right."""
+    return np.stack([track[..., 1], track[..., 0]], axis=-1)
+
+
+def toward(angle: Float[ndarray, "*batch"] | float) -> Float[ndarray, "*batch 2"]:
+    """The direction of a yaw on the page."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def arrows(
+    axes: Axes, at: Float[ndarray, "arrow 2"], yaw: Float[ndarray, "arrow"], length: float, colour: Any, **more: Any
+) -> None:
+    """Thin arrows of ``length`` metres."""
+    tips = length * toward(yaw)
+    axes.quiver(
+        *at.T, *tips.T, color=colour, angles="xy", scale_units="xy", scale=1.0, units="dots", headwidth=4.2,
+        headlength=4.6, headaxislength=4.2, **{"width": 2.0, "zorder": 3.0, **more},
+    )  # fmt: skip
+
+
+def stand(axes: Axes, place: Sequence[float], length: float, colour: str, zorder: float = 6.0) -> None:
+    """Somebody who stands at x, z and faces yaw: a dot and an arrow, set off from what lies below."""
+    track = np.array([place], dtype=float)
+    at = seen(track)
+    arrows(axes, at, track[:, 2], length, colour, width=7.0, zorder=zorder, edgecolor=PAPER, linewidth=1.0,
+           clip_on=False)  # fmt: skip
+    axes.plot(*at.T, "o", color=colour, markersize=12.0, markeredgecolor=PAPER, markeredgewidth=1.5,
+              zorder=zorder + 0.5)  # fmt: skip
+
+
+def beside(
+    axes: Axes, at: Float[ndarray, "2"], angle: float, words: str, colour: str, size: float = TEXT, gap: float = 14.0
+) -> None:
+    """Words ``gap`` points away from a place, in a direction on the page."""
+    way = toward(angle)
+    side = "left" if way[0] > 0.35 else "right" if way[0] < -0.35 else "center"
+    height = "bottom" if way[1] > 0.7 else "top" if way[1] < -0.7 else "center"
+    axes.annotate(
+        words, tuple(at), tuple(gap * way), textcoords="offset points", ha=side, va=height, color=colour, size=size,
+        zorder=9.0, annotation_clip=False,
+    )  # fmt: skip
+
+
+def free(busy: Sequence[float]) -> float:
+    """The direction in the middle of the widest gap that directions leave."""
+    turns = np.sort(np.remainder(np.asarray(busy, dtype=float), 2.0 * np.pi))
+    gaps = np.diff(turns, append=turns[0] + 2.0 * np.pi)
+    widest = int(np.argmax(gaps))
+    return float(turns[widest] + gaps[widest] / 2.0)
+
+
+def round_length(most: float) -> float:
+    """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5, 10 ... that is at most ``most``."""
+    tens = 10.0 ** np.floor(np.log10(most))
+    return float(max(step for step in (tens, 2.0 * tens, 5.0 * tens) if step <= most))
+
+
+def wrapped(angle: float) -> float:
+    """An angle between minus and plus half a turn."""
+    return float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)

@@ -1,0 +1,258 @@
+"""Figure 6: a query, a candidate as long as it, the angle between both, and the candidate laid onto the query."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.gallery import index, matching, paths
+from interpose.gallery.matching import Query, Trace
+from interpose.gallery.plots import canvas
+from interpose.gallery.store import Gallery
+from interpose.gallery.windows import LONGEST, SHORTEST, Wanted, features
+
+CHANGED = 20.0
+"""Degrees by which the query's target faces another way than the window that it is made from."""
+HEADING = np.radians(40.0)
+"""The query leads at most so far off from the right of the page, which is wider than it is tall."""
+LOOKED_AT = 8192
+"""Direct candidates, the best, among which one is drawn."""
+TO_SEE = np.radians(8.0)
+"""A candidate whose facings are off by this or more at both ends, that is turned by an angle and walked over so many
+times the straight way as follows, shows the steps best; one is taken where there is any."""
+TURNED = np.radians(35.0), np.radians(125.0)
+BENT = 1.08, 2.0
+DRAWN = 512
+"""Windows that are drawn, from which the query is made of one."""
+DOT = 5
+ARROW = 0.38
+"""The length of a facing's arrow, as a share of half a panel's height."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """One query and one of its direct candidates.
+
+    count: of all direct candidates looked at. angle: by which the candidate is turned. off: the turned candidate's
+    facing at start and end against the query's. Radians, counter-clockwise seen from above.
+    """
+
+    query: Query
+    trace: Trace
+    style: str
+    count: int
+    stages: paths.Steps
+    angle: float
+    off: tuple[float, float]
+
+
+def matched(gallery: Gallery, distance: float, style: str | None = None, seed: int = 0) -> Matched:
+    """A query made from a window of about ``distance`` metres, and a candidate drawn from those that serve it.
+
+    The window is turned and moved, and its target turned by 20 degrees more. Raises InputError where no window
+    leads from one place to another.
+    """
+    draw = np.random.default_rng(seed)
+    styles = gallery.style_indices(style)
+    own = _window(gallery, distance, styles, draw)
+    heading = float(draw.uniform(-1.0, 1.0)) * HEADING
+    moved = paths.turn(own, heading - paths.query_of(own).heading, 1.0, draw.uniform(-5.0, 5.0, 2))
+    moved[-1, 2] += np.radians(CHANGED) * draw.choice([-1.0, 1.0])
+    query = paths.query_of(moved)
+    steps = max(SHORTEST, int((len(own) - 1) / 1.1)), min(LONGEST, int(np.ceil((len(own) - 1) * 1.1)))
+    found = matching.direct(gallery.search, query, LOOKED_AT, steps, styles)
+    order = [found[i] for i in draw.permutation(len(found))[:256]]
+    made = [_matched(gallery, query, trace, len(found)) for trace in order]
+    return max(made, key=_worth)
+
+
+def _window(
+    gallery: Gallery, distance: float, styles: tuple[int, ...] | None, draw: np.random.Generator
+) -> Float[ndarray, "time 3"]:
+    """A window that leads about so far, in one to three seconds where there is one; else one of the nearest length."""
+    about, anywhere = matching.band(distance), (2.0 * matching.IN_PLACE, matching.FARTHEST)
+    for lengths, steps in ((about, (30, 90)), (about, (SHORTEST, LONGEST)), (anywhere, (SHORTEST, LONGEST))):
+        if lengths[1] < anywhere[0]:
+            continue
+        found = index.sample(gallery.index, Wanted(lengths, (0.0, 0.0), "both", steps, styles), DRAWN, draw)
+        if len(found):
+            length = features(gallery.tracks.root, found.start, found.steps)[0]
+            row = int(np.argmin(np.abs(length - distance))) if lengths == anywhere else int(draw.integers(len(found)))
+            return gallery.tracks.cut(int(found.start[row]), int(found.steps[row]), bool(found.mirrored[row]))
+    raise InputError("no trajectory of the gallery leads from one place to another; there is no match to show")
+
+
+def _matched(gallery: Gallery, query: Query, trace: Trace, count: int) -> Matched:
+    tracks = gallery.tracks
+    stages = paths.stages(tracks, trace, query)
+    angle = canvas.wrapped(query.heading - paths.query_of(stages.found).heading)
+    ends = zip(stages.turned[[0, -1], 2].tolist(), (query.start[2], query.target[2]), strict=True)
+    at_start, at_end = (canvas.wrapped(theirs - ours) for theirs, ours in ends)
+    clip = int(np.searchsorted(tracks.ranges[:, 0], trace.parts[0].start, side="right")) - 1
+    style = tracks.styles[int(tracks.clip_styles[clip])]
+    return Matched(query, trace, style, count, stages, angle, (at_start, at_end))
+
+
+def _worth(one: Matched) -> int:
+    """How much of the steps can be seen."""
+    long = float(np.linalg.norm(np.diff(one.stages.turned[:, :2], axis=0), axis=-1).sum()) / one.query.distance
+    seen = min(abs(off) for off in one.off) >= TO_SEE, TURNED[0] <= abs(one.angle) <= TURNED[1]
+    return 4 * bool(seen[0]) + 2 * bool(seen[1]) + (BENT[0] <= long <= BENT[1])
+
+
+def draw(one: Matched) -> bytes:
+    """The picture: four panels at one scale."""
+    query, stages = one.query, one.stages
+    part = one.trace.parts[0]
+    found, laid, placed = (canvas.seen(track) for track in (stages.found, stages.turned, stages.placed))
+    start, target = canvas.seen(np.array([query.start, query.target]))
+    own = paths.query_of(stages.found)
+    both = np.array([[0.0, 0.0], query.distance * canvas.toward(query.heading), found[-1] - found[0]])
+    shown = [np.stack([start, target]), found, both, np.concatenate([laid, placed, [start, target]])]
+    wide, tall, first, between = 6.6, 4.7, 1.95, 1.15
+    arrow = ARROW * max(_reach(places, wide / tall) for places in shown)
+    for number, ends in ((0, query), (1, own), (3, query)):
+        tips = [canvas.seen(np.array(end)) + arrow * canvas.toward(end[2]) for end in (ends.start, ends.target)]
+        shown[number] = np.concatenate([shown[number], tips])
+    half = 1.22 * max(_reach(places, wide / tall) for places in shown)
+    figure = canvas.sheet(first + 2.0 * tall + between + 0.45, "How a trajectory is matched", _about(one))
+    words = (
+        ("a", "Query", "two places and where they face"),
+        ("b", "Candidate", f"{part.steps} frames of the gallery, as long from end to end"),
+        ("c", "Angle", "between both ways from end to end"),
+        ("d", "Turned", "onto the query (dark), then made exact (dashed)"),
+    )
+    panels = []
+    for number, (word, places) in enumerate(zip(words, shown, strict=True)):
+        left, top = canvas.MARGIN + (number % 2) * (wide + canvas.MARGIN), first + (number // 2) * (tall + between)
+        axes = canvas.panel(figure, left, top, wide, tall)
+        middle = (places.max(axis=0) + places.min(axis=0)) / 2.0
+        sides = half * np.array([-1.0, 1.0])
+        axes.set(xlim=middle[0] + sides * wide / tall, ylim=middle[1] + sides)
+        canvas.title(axes, word[1], word[2], word[0])
+        panels.append(axes)
+    a, b, c, d = panels
+    _way(a, start, target, canvas.INK, f"{query.distance:.2f} m")
+    _ends(a, query, arrow, (canvas.START, canvas.TARGET), "target", np.stack([start, target]))
+    _way(b, found[0], found[-1], canvas.FAINT, f"{own.distance:.2f} m", away_from=found)
+    _walked(b, found, canvas.INK)
+    _ends(b, own, arrow, (canvas.INK, canvas.INK), "end", found)
+    _angle(c, both, own.heading, one.angle)
+    _walked(d, laid, canvas.INK)
+    some = slice(2 * DOT, -2 * DOT, 2 * DOT)
+    canvas.arrows(d, laid[some], stages.turned[some, 2], 0.5 * arrow, canvas.INK)
+    canvas.arrows(d, placed[some], stages.placed[some, 2], 0.5 * arrow, canvas.TARGET)
+    d.plot(*placed.T, color=canvas.TARGET, linewidth=2.2, linestyle=(0, (4, 2.5)), zorder=2.6)
+    _wedge(d, query.start, one.off[0], arrow, canvas.START, laid)
+    _wedge(d, query.target, one.off[1], arrow, canvas.TARGET, laid)
+    _scale(a)
+    return canvas.png(figure)
+
+
+def _reach(places: Float[ndarray, "place 2"], shape: float) -> float:
+    """Half the height of a panel that just holds the places, ``shape`` times as wide as it is tall."""
+    return float(np.max(np.ptp(places, axis=0) / [shape, 1.0])) / 2.0
+
+
+def _about(one: Matched) -> str:
+    part = one.trace.parts[0]
+    seen = ", seen in a mirror" if part.mirrored else ""
+    return (
+        f"Seen from above. The candidate is one of the {one.count:,} best: {one.style}, frames {part.start:,} to"
+        f" {part.start + part.steps:,} of the gallery{seen}."
+    )
+
+
+def _way(
+    axes: canvas.Axes,
+    a: Float[ndarray, "2"],
+    b: Float[ndarray, "2"],
+    colour: str,
+    words: str,
+    away_from: Float[ndarray, "time 2"] | None = None,
+) -> None:
+    """The straight line from end to end, with its length beside it."""
+    dashed = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "ls": (0, (5, 3)), "mutation_scale": 16.0}
+    axes.annotate("", tuple(b), tuple(a), arrowprops={**dashed, "shrinkA": 9.0, "shrinkB": 9.0}, zorder=2.0)
+    angle = float(np.arctan2(*(b - a)[::-1]))
+    side = 1.0
+    if away_from is not None:
+        normal = canvas.toward(angle + np.pi / 2.0)
+        side = -1.0 if float(np.mean((away_from - a) @ normal)) > 0.0 else 1.0
+    canvas.beside(axes, (a + b) / 2.0, angle + side * np.pi / 2.0, words, colour, gap=10.0)
+
+
+def _walked(axes: canvas.Axes, places: Float[ndarray, "time 2"], colour: str) -> None:
+    axes.plot(*places.T, color=colour, linewidth=1.8, zorder=2.4)
+    axes.plot(*places[DOT:-1:DOT].T, ".", color=colour, markersize=6.5, zorder=2.5)
+
+
+def _ends(
+    axes: canvas.Axes, query: Query, arrow: float, colours: tuple[str, str], last: str, around: Float[ndarray, "time 2"]
+) -> None:
+    """Who stands at both ends, and their names where ``around`` and the straight way leave most room."""
+    for place, colour, name, way in (
+        (query.start, colours[0], "start", query.heading),
+        (query.target, colours[1], last, query.heading + np.pi),
+    ):
+        canvas.stand(axes, place, arrow, colour)
+        at = canvas.seen(np.array(place))
+        canvas.beside(axes, at, canvas.free([place[2], way, *_near(at, around, arrow)]), name, colour)
+
+
+def _near(at: Float[ndarray, "2"], around: Float[ndarray, "time 2"], reach: float) -> list[float]:
+    """The directions in which there is something within reach."""
+    away = around - at
+    far = np.linalg.norm(away, axis=-1)
+    x, y = away[(far < reach) & (far > 0.05 * reach)].T
+    return np.arctan2(y, x).tolist()
+
+
+def _angle(axes: canvas.Axes, both: Float[ndarray, "3 2"], heading: float, angle: float) -> None:
+    """Two vectors from one place, with the arc from the candidate's to the query's."""
+    origin, ours, theirs = both
+    for tip, colour, words in ((ours, canvas.INK, "query"), (theirs, canvas.FAINT, "candidate")):
+        axes.annotate("", tuple(tip), tuple(origin), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.2,
+                      "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 18.0}, zorder=3.0)  # fmt: skip
+        canvas.beside(axes, tip, float(np.arctan2(*tip[::-1])), words, colour, gap=8.0)
+    axes.plot(*origin, "o", color=canvas.INK, markersize=7.0, zorder=4.0)
+    radius = 0.42 * float(np.linalg.norm(ours))
+    turns = heading + angle * np.linspace(0.0, 1.0, 64)
+    arc = origin + radius * canvas.toward(turns)
+    axes.fill(*np.concatenate([[origin], arc]).T, color=canvas.LINE, alpha=0.6, linewidth=0.0, zorder=1.0)
+    axes.plot(*arc.T, color=canvas.TARGET, linewidth=2.0, zorder=2.0)
+    middle = heading + angle / 2.0
+    canvas.beside(axes, origin + radius * canvas.toward(middle), middle, f"{np.degrees(abs(angle)):.0f}°",
+                  canvas.TARGET, canvas.TITLE, 10.0)  # fmt: skip
+
+
+def _wedge(
+    axes: canvas.Axes, place: tuple[float, float, float], off: float, arrow: float, colour: str, around: ndarray
+) -> None:
+    """Where the query faces and where the candidate does, with the angle in between."""
+    at, facing = canvas.seen(np.array(place)), place[2]
+    turns = facing + off * np.linspace(0.0, 1.0, 32)
+    edge = at + 0.8 * arrow * canvas.toward(turns)
+    axes.fill(*np.concatenate([[at], edge]).T, color=colour, alpha=0.22, linewidth=0.0, zorder=1.5)
+    canvas.arrows(axes, at[None], np.array([facing + off]), arrow, canvas.INK, width=3.5, zorder=4.0)
+    canvas.stand(axes, place, arrow, colour)
+    between = facing + off / 2.0
+    spot, way, gap = at + arrow * canvas.toward(between), between, 8.0
+    if np.linalg.norm(around - (at + 1.6 * arrow * canvas.toward(between)), axis=-1).min() < 0.8 * arrow:
+        # The path runs there; beside the dot then.
+        spot, way, gap = at, canvas.free([facing, facing + off, *_near(at, around, 1.5 * arrow)]), 16.0
+    canvas.beside(axes, spot, way, f"{np.degrees(abs(off)):.0f}° off", colour, canvas.TITLE, gap)
+
+
+def _scale(axes: canvas.Axes) -> None:
+    """A round length, at the lower left."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    long = canvas.round_length(0.3 * (right - left))
+    at = left + 0.02 * (right - left), low + 0.05 * (high - low)
+    axes.plot((at[0], at[0] + long), (at[1], at[1]), color=canvas.FAINT, linewidth=2.0, solid_capstyle="butt")
+    axes.annotate(f"{long:g} m", (at[0] + long / 2.0, at[1]), (0.0, 6.0), textcoords="offset points", ha="center",
+                  color=canvas.FAINT, size=canvas.SMALL)  # fmt: skip
