@@ -33,6 +33,7 @@ from interpose.gallery.windows import (
     features,
     first_of,
     join,
+    select,
     to_units,
 )
 
@@ -94,7 +95,7 @@ def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Inde
     at = 0
     for style in range(len(tracks.styles)):
         clips = np.nonzero(tracks.clip_styles == style)[0]
-        keys = np.concatenate([_keys(tracks, clip) for clip in clips.tolist()])
+        keys = np.concatenate([np.zeros(0, np.uint64), *(_keys(tracks, clip) for clip in clips.tolist())])
         keys.sort()
         base = style * BINS * PAIRS
         sizes[base : base + BINS * PAIRS] = np.bincount(
@@ -151,22 +152,35 @@ def best(index: Index, wanted: Wanted, count: int) -> Found:
 
 
 def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Generator) -> Found:
-    """Windows drawn at random, each once, of all within the threshold: at most ``count``, in no order."""
+    """Windows drawn at random, each once, of all within the threshold: ``count``, or all where there are fewer, in no
+    order."""
     limit = _units(wanted.threshold)
     reads = [
         (rows, mirrored) for floor, both in _in_order(index, wanted, None) if floor <= limit for rows, mirrored in both
     ]
-    sizes = np.array([len(rows) for rows, _ in reads], dtype=np.int64)
-    total = int(sizes.sum())
-    chosen = np.arange(total) if total <= count else np.unique(generator.integers(0, total, size=count))
-    ends = np.cumsum(sizes)
-    cuts = np.searchsorted(chosen, ends)
-    parts, low = [], 0
-    for (rows, mirrored), end, high in zip(reads, ends, cuts, strict=True):
+    total = sum(len(rows) for rows, _ in reads)
+    # Not all that is read fits: more is read until enough does, or all has been.
+    parts: list[Found] = []
+    seen, draws = np.zeros(0, dtype=np.int64), count
+    while len(seen) < total and sum(len(part) for part in parts) < count:
+        chosen = np.arange(total) if total <= 4 * draws else generator.integers(0, total, size=draws)
+        chosen = np.setdiff1d(chosen, seen)
+        parts += _read_some(index, wanted, reads, chosen, limit)
+        seen, draws = np.union1d(seen, chosen), 4 * draws
+    found = join(parts)
+    return found if len(found) <= count else select(found, generator.choice(len(found), count, replace=False))
+
+
+def _read_some(
+    index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], chosen: Int[ndarray, "chosen"], limit: int
+) -> Iterator[Found]:
+    """As :func:`_read`, but of all windows of the ranges those ``chosen`` only, ascending."""
+    ends = np.cumsum([len(rows) for rows, _ in reads])
+    low = 0
+    for (rows, mirrored), end, high in zip(reads, ends, np.searchsorted(chosen, ends), strict=True):
         picked = rows.take(chosen[low:high] - (end - len(rows)))
-        parts += _read(index, wanted, [(Rows(picked, np.ones(len(picked), np.int64)), mirrored)], limit)
+        yield from _read(index, wanted, [(Rows(picked, np.ones(len(picked), np.int64)), mirrored)], limit)
         low = high
-    return join(parts)
 
 
 @dataclass(frozen=True, eq=False)

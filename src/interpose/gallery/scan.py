@@ -8,7 +8,18 @@ from __future__ import annotations
 import numpy as np
 
 from interpose.gallery.tracks import Tracks
-from interpose.gallery.windows import TURN, Found, Wanted, errors, features, first_of, join, to_units
+from interpose.gallery.windows import (
+    LONGEST,
+    SHORTEST,
+    TURN,
+    Found,
+    Wanted,
+    errors,
+    features,
+    first_of,
+    join,
+    to_units,
+)
 
 
 def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
@@ -17,7 +28,7 @@ def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
     facing = to_units(wanted.facing[0]), to_units(wanted.facing[1])
     limit = int(np.floor(wanted.threshold / (2.0 * np.pi) * TURN))
     parts: list[Found] = []
-    for steps in range(wanted.steps[0], wanted.steps[1] + 1):
+    for steps in range(max(wanted.steps[0], SHORTEST), min(wanted.steps[1], LONGEST) + 1):
         ranges = tracks.ranges[able]
         starts = [np.arange(a, b - steps) for a, b in ranges if b - a > steps]
         if not starts:

@@ -80,7 +80,7 @@ def mirror_posture(posture: Float[ndarray, "*batch 16"]) -> Float[ndarray, "*bat
 
 def posture_distance(a: Float[ndarray, "*#batch 16"], b: Float[ndarray, "*#batch 16"]) -> Float[ndarray, "*batch"]:
     """How far apart two postures are: root mean square over the hips' height and the five points, metres."""
-    return np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POINTS)))
+    return np.asarray(np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POINTS))))
 
 
 def from_database(database: Database, ranges: list[tuple[int, int]] | None = None) -> Tracks:
