@@ -73,7 +73,7 @@ class Settings:
 
     tolerance: float = 0.03
     least_tolerance: float = 0.02
-    threshold: float = float(np.radians(40.0))
+    threshold: float = float(np.radians(60.0))
     branches: int = 4
     rounds: int = 5
     searches: int = 24
@@ -170,6 +170,8 @@ class _Task:
         """TCS(M, q, alpha, k) for what is left of the query."""
         lengths = max(steps[0], SHORTEST), min(steps[1], LONGEST)
         asked = Wanted(band(distance, self.settings), facing, "both", lengths, self.styles, budget)
+        if self.searches >= self.settings.searches:
+            return None
         if rounds < self.settings.rounds:  # the whole query has been asked directly before
             found = self._ask(asked, 8 * self.settings.branches)
             if len(found):

@@ -9,10 +9,11 @@ the ones least like any chosen before. docs/method.md, D21, has what this is wor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from interpose.errors import InputError
@@ -28,18 +29,20 @@ SAMPLE = 2048
 """Windows that are weighed for one gap."""
 EXACT = 64
 """The best by equation 7 that are always among them."""
-NEAR = 256
+NEAR = 512
 """Of these, the cheapest are what variants are chosen from."""
 STRETCH = 0.1
 """How much faster or slower than it was walked a trajectory may be taken to fit a given time."""
 MOST_STRETCH = 0.5
 """The same where nothing else fits."""
-FAVOUR = 0.25
+FAVOUR = 0.5
 """How much a variant's cost counts beside the logarithm of how much it differs."""
+HINTED = 0.1
+"""How much its cost counts beside the logarithm of how near to the hint the first is."""
 SKETCH = np.linspace(0.0, 1.0, 13)
 """Shares of the time at which paths are compared before they are made."""
 COMPOSED = 4
-"""Compositions tried for each proposal still missing, at most."""
+"""Compositions tried beyond those still missing; the ones that wander least are taken."""
 RATE = 30.0
 LONGEST_GAP = 600
 """Steps of a path at most."""
@@ -50,13 +53,17 @@ class Costs:
     """What counts as one unit of deviation: a cost is half the sum of the squares.
 
     posture: metres, for each end. facing: radians of equation 7. velocity: m/s at an end where it is known. stretch:
-    the logarithm of how much faster or slower.
+    the logarithm of how much faster or slower. detour: the logarithm of the path's length over half a metre more than
+    the way from end to end; nobody asks for a loop of eight metres to turn on the spot. turning: radians that the
+    facing turns beyond what the keys ask for; nobody goes the long way round.
     """
 
     posture: float = 0.12
     facing: float = float(np.radians(20.0))
     velocity: float = 0.5
     stretch: float = 0.1
+    detour: float = 0.7
+    turning: float = float(np.radians(60.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +119,13 @@ class Unreachable(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Single windows that fit a query, with their costs and sketches of their placed paths (window, 13, 2)."""
+    """Single windows that fit a query, with sketches of their placed paths (window, 13, 2).
+
+    misfit: half the sum of the squared deviations. cost: the same, and how unlikely the length of time is beforehand.
+    """
 
     found: Found
+    misfit: Float[ndarray, "window"]
     cost: Float[ndarray, "window"]
     sketch: Float[ndarray, "window time 2"]
 
@@ -129,14 +140,22 @@ class Pool:
     def take(self, rows: ndarray) -> Pool:
         """Some of them, by index or mask."""
         found = Found(*(getattr(self.found, name)[rows] for name in ("start", "steps", "mirrored", "error")))
-        return Pool(found, self.cost[rows], self.sketch[rows])
+        return Pool(found, self.misfit[rows], self.cost[rows], self.sketch[rows])
 
 
 def propose(
-    gallery: Gallery, query: Query, asked: Asked, ends: Ends = Ends(), *, count: int = 1, seed: int = 0
+    gallery: Gallery,
+    query: Query,
+    asked: Asked,
+    ends: Ends = Ends(),
+    *,
+    count: int = 1,
+    seed: int = 0,
+    hint: Float[ndarray, "time 3"] | None = None,
 ) -> list[Proposal]:
     """``count`` different paths at most for a query, the likeliest first; with equal seeds the same.
 
+    hint: a path that the first is to be near to; without it, the weighted mean path of all that fit.
     Without ``asked.steps`` the first takes the suggested time and the others times of their own within the range asked
     for. Raises :class:`Unreachable` where there is none, with the nearest that can be had; InputError for a style that
     the gallery lacks, an unknown speed, and places that are not finite.
@@ -147,7 +166,7 @@ def propose(
     if asked.steps is not None:
         low, high = _around(asked.steps, STRETCH)
         pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=asked.steps)
-        made = _from_pool(gallery, query, pool, count, [asked.steps] * count)
+        made = _from_pool(gallery, query, pool, count, [asked.steps] * count, hint=hint)
         if len(made) < count:
             made += _composed(gallery, query, asked.steps, styles, count - len(made), draw)
         return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw)
@@ -156,15 +175,17 @@ def propose(
         made = _composed(gallery, query, None, styles, count, draw)
         return made or _unreachable(gallery, query, None)
     told = suggest(pool.found.steps, pool.weights)
-    inside = np.ones(len(pool), dtype=bool)
+    inside = np.abs(np.log2(pool.found.steps / told.steps)) <= 1.0
     frames = told.steps
     if asked.speed is not None:
         chosen = group_of(told, asked.speed)
         inside = (pool.found.steps >= chosen.fewest) & (pool.found.steps <= chosen.most)
         frames = chosen.steps
     near = np.abs(np.log(pool.found.steps / frames)) <= STRETCH
-    first = _from_pool(gallery, query, pool.take(near & inside if (near & inside).any() else inside), 1, [frames])
-    return first + _from_pool(gallery, query, pool.take(inside), count - 1, [None] * (count - 1), first)
+    first = _from_pool(
+        gallery, query, pool.take(near & inside if (near & inside).any() else inside), 1, [frames], hint=hint
+    )
+    return first + _from_pool(gallery, query, pool.take(inside), count - 1, [None] * (count - 1), before=first)
 
 
 def suggestion(
@@ -211,11 +232,11 @@ def _weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_step
     placed = _rotated(sketch[..., :2] - sketch[:, :1, :2], angle) * scale[:, None, None]
     ours = np.array(query.target[:2]) - np.array(query.start[:2])
     placed += SKETCH[:, None] * (ours - placed[:, -1])[:, None]
-    total = np.square(found.error * (2.0 * np.pi / TURN) / costs.facing)
+    total = _wandering(query, placed, sketch[..., 2], costs) + np.square(
+        found.error * (2.0 * np.pi / TURN) / costs.facing
+    )
     if target_steps is not None:
         total += np.square(np.log(found.steps / target_steps) / costs.stretch)
-    else:  # by 1 / steps: a length of time counts by its ratio to others, not by how many frames it differs
-        total += 2.0 * np.log(found.steps)
     if ends.postures is not None:
         for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
             theirs = tracks.posture[frame].astype(float)
@@ -227,7 +248,20 @@ def _weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_step
             step[side, 0] *= -1.0
             theirs = _rotated(step[:, None], angle)[:, 0]
             total += np.sum(np.square((theirs - wanted) / costs.velocity), axis=-1)
-    return Pool(found, 0.5 * total, placed)
+    # By 1 / steps: a length of time counts by its ratio to others, not by how many frames it differs.
+    prior = np.log(found.steps) if target_steps is None else 0.0
+    return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
+
+
+def _wandering(
+    query: Query, ways: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"], costs: Costs
+) -> Float[ndarray, "window"]:
+    """Twice the cost of what goes a long way or turns a lot for what it reaches."""
+    walked = np.linalg.norm(np.diff(ways, axis=1), axis=-1).sum(axis=1)
+    detour = np.maximum(np.log((walked + 1e-9) / (query.distance + 0.5)), 0.0)
+    needed = abs((query.target[2] - query.start[2] + np.pi) % (2.0 * np.pi) - np.pi)
+    turned = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
+    return np.square(detour / costs.detour) + np.square(turned / costs.turning)
 
 
 def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[ndarray, ndarray]:
@@ -256,22 +290,22 @@ def _from_pool(
     pool: Pool,
     count: int,
     steps: list[int | None],
-    chosen_before: list[Proposal] | None = None,
+    before: Sequence[Proposal] = (),
+    hint: Float[ndarray, "time 3"] | None = None,
 ) -> list[Proposal]:
-    """The likeliest of a pool, or after those chosen before it, and then the most different ones."""
+    """The likeliest of a pool, and then the most different ones; those chosen ``before`` count among them."""
     if not len(pool) or count < 1:
         return []
-    before = chosen_before or []
     cheap = pool.take(np.argsort(pool.cost, kind="stable")[:NEAR])
     made = list(before)
     taken = [_sketch_of(query, proposal) for proposal in before]
     while len(made) - len(before) < count:
         if not made:
-            mean = np.tensordot(pool.weights / pool.weights.sum(), pool.sketch, axes=1)
-            row = int(np.argmin(np.linalg.norm(cheap.sketch - mean, axis=-1).mean(axis=-1)))
+            row = _likeliest(query, pool, cheap, hint)
         else:
             apart = np.min([_difference(query, cheap, *other) for other in taken], axis=0)
             apart[apart < _near_copy(query)] = 0.0
+            apart[_overlap(cheap.found, [one.trace for one in made])] = 0.0
             if not apart.any():
                 break
             with np.errstate(divide="ignore"):
@@ -279,15 +313,28 @@ def _from_pool(
         found = cheap.found
         part = matching.Part(int(found.start[row]), int(found.steps[row]), bool(found.mirrored[row]))
         trace = Trace((part,), float(found.error[row]) * 2.0 * np.pi / TURN)
-        wanted = steps[len(made) - len(before)]
-        made.append(_proposal(gallery, query, trace, wanted, float(cheap.cost[row] - _prior(part, wanted))))
+        made.append(_proposal(gallery, query, trace, steps[len(made) - len(before)], float(cheap.misfit[row])))
         taken.append((cheap.sketch[row], made[-1].steps))
     return made[len(before) :]
 
 
-def _prior(part: matching.Part, wanted: int | None) -> float:
-    """What of a cost is not about fit: the weight of a length of time."""
-    return float(np.log(part.steps)) if wanted is None else 0.0
+def _likeliest(query: Query, pool: Pool, cheap: Pool, hint: Float[ndarray, "time 3"] | None) -> int:
+    """Which of the ``cheap`` windows is nearest to the hint, or to the weighted mean of all."""
+    if hint is None:
+        mean = np.tensordot(pool.weights / pool.weights.sum(), pool.sketch, axes=1)
+        return int(np.argmin(np.linalg.norm(cheap.sketch - mean, axis=-1).mean(axis=-1)))
+    wanted = paths.retime(hint, len(SKETCH) - 1)[:, :2] - np.array(query.start[:2])
+    away = np.linalg.norm(cheap.sketch - wanted, axis=-1).mean(axis=-1)
+    return int(np.argmin(np.log(away + 0.02) + HINTED * cheap.cost))
+
+
+def _overlap(found: Found, traces: list[Trace]) -> Bool[ndarray, "window"]:
+    """Which windows are mostly the same moments as one chosen before, as they lie or in the mirror."""
+    same = np.zeros(len(found), dtype=bool)
+    for part in (part for trace in traces for part in trace.parts):
+        common = np.minimum(found.start + found.steps, part.start + part.steps) - np.maximum(found.start, part.start)
+        same |= (common > 0.5 * np.minimum(found.steps, part.steps)) & (found.mirrored == int(part.mirrored))
+    return same
 
 
 def _sketch_of(query: Query, proposal: Proposal) -> tuple[ndarray, int]:
@@ -303,7 +350,7 @@ def _difference(query: Query, pool: Pool, sketch: Float[ndarray, "time 2"], step
 
 def _near_copy(query: Query) -> float:
     """Metres below which a path is no variant of another."""
-    return 0.03 + 0.01 * query.distance
+    return 0.04 + 0.015 * query.distance
 
 
 def _proposal(gallery: Gallery, query: Query, trace: Trace, steps: int | None, cost: float) -> Proposal:
@@ -327,17 +374,20 @@ def _composed(
     allowed = (2 * SHORTEST, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
     if allowed[1] < 2 * SHORTEST:
         return []
-    made: list[Proposal] = []
-    for _ in range(COMPOSED * count):
+    found: list[Proposal] = []
+    for _ in range(COMPOSED + count):
         trace = matching.compose(gallery.search, gallery.tracks, gallery.distances, query, draw, allowed, styles)
         if trace is None:
             break
-        cost = 0.5 * (trace.error / Costs().facing) ** 2
-        one = _proposal(gallery, query, trace, steps, cost)
-        if all(paths.apart(one.path, other.path) >= _near_copy(query) for other in made):
+        one = _proposal(gallery, query, trace, steps, 0.0)
+        way, _ = _sketch_of(query, one)
+        yaw = one.path[np.round(SKETCH * one.steps).astype(int), 2]
+        cost = 0.5 * ((trace.error / Costs().facing) ** 2 + float(_wandering(query, way[None], yaw[None], Costs())[0]))
+        found.append(replace(one, fit=1.0 / (1.0 + cost)))
+    made: list[Proposal] = []
+    for one in sorted(found, key=lambda one: -one.fit):
+        if len(made) < count and all(paths.apart(one.path, other.path) >= _near_copy(query) for other in made):
             made.append(one)
-        if len(made) == count:
-            break
     return made
 
 

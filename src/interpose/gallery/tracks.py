@@ -13,6 +13,7 @@ is stored.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Float16, Float32, Int
@@ -26,6 +27,10 @@ from interpose.skeleton import HUMANOID
 POINTS = ("Head", "LeftHand", "RightHand", "LeftToe", "RightToe")
 POSTURE = 1 + 3 * len(POINTS)
 """Numbers of a posture: the hips' height, then x, y, z of each point."""
+HARDEST = 60.0
+"""m/s^2: a root that accelerates more has jumped, which happens in captures, and nobody is to follow it."""
+QUICKEST = 20.0
+"""rad/s: a facing that turns faster has lost its direction, as that of a body that rolls over does."""
 _INDICES = [HUMANOID.index(name) for name in POINTS]
 _SWAPPED = np.array([0, *(1 + 3 * p + c for p in (0, 2, 1, 4, 3) for c in range(3))])
 _SIGNS = np.array([1.0, *([-1.0, 1.0, 1.0] * len(POINTS))])
@@ -83,6 +88,18 @@ def posture_distance(a: Float[ndarray, "*#batch 16"], b: Float[ndarray, "*#batch
     return np.asarray(np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POINTS))))
 
 
+def sound(track: Float[ndarray, "frame 3"]) -> list[tuple[int, int]]:
+    """The ranges [start, stop) of a track at 30 Hz without jumps; all of it where there are none."""
+    jumps = np.zeros(len(track) + 1, dtype=bool)  # between a frame and the one before it
+    turned = np.abs(np.diff(track[:, 2])) * 30.0 > QUICKEST
+    jumps[1:-1][turned] = True
+    bend = np.linalg.norm(np.diff(track[:, :2], n=2, axis=0), axis=-1) * 900.0 > HARDEST
+    jumps[1:-2][bend] = True
+    jumps[2:-1][bend] = True
+    cuts = [0, *np.nonzero(jumps)[0].tolist(), len(track)]
+    return [(a, b) for a, b in pairwise(cuts) if b - a > 1]
+
+
 def from_database(database: Database, ranges: list[tuple[int, int]] | None = None) -> Tracks:
     """The tracks of a prepared database, or of those frame ranges of it (each inside a clip)."""
     chosen = [(int(a), int(b)) for a, b in database.ranges] if ranges is None else ranges
@@ -98,8 +115,14 @@ def from_database(database: Database, ranges: list[tuple[int, int]] | None = Non
 
 
 def from_motions(motions: list[Motion], styles: list[str]) -> Tracks:
-    """The tracks of motions of the 22 joints at 30 Hz, each with its style. Each begins at the origin of the ground."""
+    """The tracks of motions of the 22 joints at 30 Hz, each with its style. Each begins at the origin of the ground.
+
+    A motion whose root jumps is cut there, into clips of their own; see :func:`sound`.
+    """
     names = tuple(sorted(set(styles)))
+    whole = [(motion, style, sound(track_of(motion))) for motion, style in zip(motions, styles, strict=True)]
+    motions = [motion[a:b] for motion, _, ranges in whole for a, b in ranges]
+    styles = [style for _, style, ranges in whole for _ in ranges]
     tracks = [track_of(motion) for motion in motions]
     lengths = np.array([len(track) for track in tracks], dtype=np.int64)
     stops = np.cumsum(lengths)

@@ -27,7 +27,7 @@ turns from start to end, for where start and end are one place and v_p has no di
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a window must have. Facings are radians relative to v_p, counter-clockwise seen from below (as yaw is).
+    """What a window must have. Facings are radians relative to v_p, counted as yaw is.
 
     distance: lowest and highest length of v_p, metres. steps: fewest and most. styles: indices, or None for all.
     threshold: the largest error, radians.
