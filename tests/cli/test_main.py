@@ -53,8 +53,8 @@ def test_interruption_and_want_of_memory(run, clip, monkeypatch):
         ("fill", "a.bvh", "--keys", "0,1"),
         ("fill", "a.bvh", "--keys", "0,1", "-o", "o.bvh", "--variants", "many"),
         ("between", "a.bvh", "--frames", "3", "-o", "o.bvh"),
-        ("between", "a.bvh", "b.bvh", "-o", "o.bvh"),
-        ("fill", "a.bvh", "--keys", "0,1", "-o", "o.bvh", "--speed", "fast"),
+        ("gallery", "frobnicate"),
+        ("gallery", "build", "db"),
         ("train", "gpt", "--data", "x", "-o", "y"),
         ("info",),
     ],
@@ -69,7 +69,7 @@ def test_wrong_usage_is_status_2(run, arguments):
 def test_help_names_every_command(run):
     status, out, _ = run("--help")
     assert status == 0
-    for name in ("demo", "info", "fill", "between", "models", "prepare", "train", "export", "evaluate"):
+    for name in ("demo", "info", "fill", "between", "models", "gallery", "prepare", "train", "export", "evaluate"):
         assert f"• {name}" in out
         status, told, _ = run(name, "--help")
         assert status == 0

@@ -9,9 +9,10 @@ import pytest
 from interpose import retarget, rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.runtime import inbetween as module
 from interpose.runtime import rollout
-from interpose.runtime.inbetween import TOES, Request, fill, foot_slide, inbetween, mapping_of
+from interpose.runtime.inbetween import fill, inbetween, mapping_of
+from interpose.runtime.judgement import TOES, foot_slide, judge
+from interpose.runtime.request import Request
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -48,9 +49,11 @@ def served(monkeypatch):
     asked = []
 
     def generate_batch(
-        session, start_root, start_local, target_root, target_local, frames, style=None, seed=0, vary=False
+        session, start_root, start_local, target_root, target_local, each, style, seed, vary, paths, control
     ):
+        (frames,) = set(each)
         asked.append({"context": start_root.shape[1], "frames": frames, "style": style, "seed": seed, "vary": vary})
+        assert (paths, control) == ([None] * len(start_root), 1.0)
         t = (np.arange(1, frames + 1) / (frames + 1))[:, None]
         lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(start_root))[:, None, None]
         root = (1 - t) * start_root[:, -1:] + t * target_root[:, None] + lift
@@ -111,7 +114,7 @@ def test_the_best_candidate_comes_first(served):
     heights = [c.motion.root_positions[30, 1] for c in candidates]
     steps = [np.linalg.norm(np.diff(c.motion.root_positions, axis=0), axis=-1).max() for c in candidates]
     assert len({round(h, 6) for h in heights}) == 4
-    costs = [module._judge([clip[0]], [c.motion], clip[-1], mapping_of(clip))[1][0] for c in candidates]
+    costs = [judge([clip[0]], [c.motion], clip[-1], mapping_of(clip))[1][0] for c in candidates]
     assert costs == sorted(costs)
     assert max(steps) < 0.1
 
@@ -216,7 +219,13 @@ def test_a_model_of_another_method_does_not_serve(served):
         (lambda: Request("dcmoe"), "needs a model"),
         (lambda: Request("dcmoe", stand_in(), "Sad"), "no style 'Sad'; it has Angry, Old"),
         (lambda: Request("interp", None, "Angry"), "interpolation has no styles"),
-        (lambda: Request("interp", path="straight"), "path 'straight' cannot be followed"),
+        (lambda: Request("interp", path="straight"), "interpolation follows no path"),
+        (lambda: Request("dcmoe", stand_in(), path="sideways"), "unknown path 'sideways'"),
+        (lambda: Request("dcmoe", stand_in(), speed="hasty"), "unknown speed 'hasty'"),
+        (lambda: Request("dcmoe", stand_in(), control=1.5), "control must be 0 to 1"),
+        (lambda: fill(walk(9, 30.0), (0, 8), replace(MODEL, speed="fast")), "needs --retime"),
+        (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), 5, replace(MODEL, speed="fast")), "give one of them"),
+        (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), None, MODEL), "give a number of frames"),
         (lambda: Request("interp", seed=-1), "seed must be 0 or more"),
         (lambda: fill(walk(9, 30.0), (0, 1, 2), Request("interp")), "leave no frame to fill"),
         (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), 0, Request("interp")), "got 0"),

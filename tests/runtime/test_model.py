@@ -66,8 +66,9 @@ def test_candidates_as_in_the_documentation(model):
     ("options", "said"),
     [
         ({"style": "Sad"}, "no style 'Sad'; it has Old"),
-        ({"speed": "fast"}, "speed 'fast' cannot be asked for"),
-        ({"path": "straight"}, "path 'straight' cannot be followed"),
+        ({"speed": "fast"}, "speed 'fast' and 18 frames were both asked for"),
+        ({"path": "sideways"}, "unknown path 'sideways'"),
+        ({"path": [[0.0, float("nan")]]}, "the path's points"),
         ({"variants": 0}, "variants must be 1 or more"),
         ({"frames": 0}, "got 0"),
         ({"seed": -1}, "seed must be 0 or more"),

@@ -7,6 +7,7 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.motion import Motion
 from interpose.runtime import transition
+from interpose.runtime.guidance import Plan
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
@@ -18,7 +19,8 @@ def test_a_foot_in_motion_at_the_start_key_does_not_stand_there_yet(monkeypatch)
     clip = Motion(HUMANOID, np.tile([0.0, 0.93, 0.0], (3, 1)), local, 30.0)
     asked = []
 
-    def generate_batch(session, start_root, start_local, target_root, target_local, frames, **_):
+    def generate_batch(session, start_root, start_local, target_root, target_local, each, **_):
+        (frames,) = each
         still = np.repeat(target_root[:, None], frames, axis=1), np.repeat(target_local[:, None], frames, axis=1)
         return *still, np.ones((len(start_root), frames, 4))
 
@@ -29,8 +31,8 @@ def test_a_foot_in_motion_at_the_start_key_does_not_stand_there_yet(monkeypatch)
     monkeypatch.setattr(transition.rollout, "generate_batch", generate_batch)
     monkeypatch.setattr(transition.feet, "plant_batch", plant_batch)
     session = Session(Path("nowhere"), {"name": "stand-in", "method": "dcmoe", "styles": [], "absolute": False})
-    transition.generate([clip[:2]], clip[2], 20, session, retarget.plan(clip), [None])
-    transition.generate([clip[1]], clip[2], 20, session, retarget.plan(clip), [None])
+    for start in (clip[:2], clip[1]):
+        transition.generate([start], clip[2], [20], [Plan(21)], session, retarget.plan(clip))
     known, lone = asked
     assert not known[0, : transition.LANDING, :2].any()
     assert known[0, : transition.LANDING, 2:].all()

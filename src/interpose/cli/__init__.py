@@ -48,12 +48,18 @@ def _run(arguments: list[str]) -> int:
 
     from interpose.cli import commands
 
-    named = ("demo", "info", "fill", "between", "models", "prepare", "train", "export", "evaluate")
+    prog, described = "interpose", f"{_DESCRIPTION} `interpose --version` prints the version."
+    named = ("demo", "info", "fill", "between", "models", "gallery", "prepare", "train", "export", "evaluate")
+    called = {name: getattr(commands, name) for name in named}
+    if arguments[:1] == ["gallery"]:
+        prog, described, arguments = "interpose gallery", commands.gallery.__doc__ or "", arguments[1:]
+        called = {name: getattr(commands, f"gallery_{name}") for name in ("build", "query", "plot", "generate")}
+        described = described.partition("\n")[0]
     try:
         status = tyro.extras.subcommand_cli_from_dict(
-            {name: getattr(commands, name) for name in named},
-            prog="interpose",
-            description=f"{_DESCRIPTION} `interpose --version` prints the version.",
+            called,
+            prog=prog,
+            description=described,
             args=arguments or ["--help"],
             config=(tyro.conf.FlagCreatePairsOff,),
         )

@@ -27,8 +27,15 @@ class Options:
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
     """One of the model's styles; free where left out, and then each further variant takes another one."""
-    path: Annotated[str, arg(metavar="auto")] = "auto"
-    """The root's track on the ground: auto leaves it to the model."""
+    path: Annotated[str, arg(metavar="auto|straight|none|FILE.json")] = "auto"
+    """The root's way on the ground: auto matches a trajectory of the gallery, straight is a straight line, none leaves
+    it to the model, and a file holds what you drew (docs/paths.md)."""
+    speed: Annotated[str | None, arg(metavar="fast|medium|slow", help_behavior_hint=_SAID)] = None
+    """How long a gap takes, in place of a number of frames; `fill` needs --retime for it."""
+    gallery: Annotated[str | None, arg(metavar="DIR", help_behavior_hint=_SAID)] = None
+    """A gallery from `interpose gallery build`; the model's own where left out."""
+    path_control: Annotated[float, arg(metavar="W")] = 1.0
+    """How much a path counts beside the way that the model foresees, 0 to 1."""
     variants: Annotated[int, arg(metavar="N")] = 1
     """How many different answers to write."""
     seed: Annotated[int, arg(metavar="S")] = 0
@@ -42,6 +49,7 @@ def fill(
     /,
     keys: Annotated[str, arg(metavar="0,45,90-99")],
     generation: OmitArgPrefixes[Options],
+    retime: bool = False,
 ) -> int:
     """Keep the key frames of a clip and make all others between the first and the last key anew.
 
@@ -50,29 +58,131 @@ def fill(
     Args:
         clip: The BVH file.
         keys: Frames to keep, from 0 on, negative ones from the end; they come out digit for digit as they went in.
+        retime: Let each gap take the time that the gallery suggests, or --speed, in place of the clip's own.
     """
     from interpose.cli import generate
 
-    return generate.fill(clip, keys, generation)
+    return generate.fill(clip, keys, generation, retime)
 
 
 def between(
     start: Annotated[Positional[str], arg(metavar="START")],
     target: Annotated[Positional[str], arg(metavar="TARGET")],
     /,
-    frames: Annotated[int, arg(metavar="N")],
     generation: OmitArgPrefixes[Options],
+    frames: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
 ) -> int:
     """Make the motion from one pose to another on one skeleton.
 
     Args:
         start: FILE or FILE:FRAME, counted from 0, negative from the end; without FRAME, the file's last frame.
         target: FILE or FILE:FRAME likewise; without FRAME, the file's first frame.
-        frames: Frames between the two. OUT has N + 2 frames: its first is the start, its last the target.
+        frames: Frames between the two; as many as the gallery suggests where left out. OUT has N + 2 frames: its first
+            is the start, its last the target.
     """
     from interpose.cli import generate
 
     return generate.between(start, target, frames, generation)
+
+
+def gallery(argument: Annotated[Positional[str], arg(metavar="build|query|plot|generate")], /) -> int:
+    """Trajectories to match: build a gallery, ask it for the ways between two poses, draw its figures.
+
+    Args:
+        argument: build, query, plot or generate; `interpose gallery build --help` and so on say more.
+    """
+    print(f"interpose gallery: there is no '{argument}'; use build, query, plot or generate", file=sys.stderr)
+    return 2
+
+
+def gallery_build(
+    database: Annotated[Positional[str], arg(metavar="DB")],
+    /,
+    out: OutFolder,
+    part: Literal["all", "train"] = "all",
+) -> int:
+    """Index every stretch of 15 to 150 frames of a prepared database, and its mirror image, as a trajectory to match.
+
+    Args:
+        database: From `interpose prepare`.
+        out: The gallery's folder.
+        part: train leaves out the ends of the clips that trainings hold out.
+    """
+    from interpose.cli import trajectories
+
+    return trajectories.build(database, out, part)
+
+
+def gallery_query(
+    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
+    start: Annotated[Positional[str], arg(metavar="START")],
+    target: Annotated[Positional[str], arg(metavar="TARGET")],
+    /,
+    frames: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
+    speed: Annotated[str | None, arg(metavar="fast|medium|slow", help_behavior_hint=_SAID)] = None,
+    style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None,
+    count: Annotated[int, arg(metavar="K")] = 7,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    json: bool = False,
+) -> int:
+    """Tell how long the way from one pose to another takes, and the trajectories that lead there.
+
+    Args:
+        gallery: A gallery's folder, a gallery.npz, or a model's name.
+        start: FILE or FILE:FRAME as for `between`, or a place X,Z,DEG: metres on the ground, facing about +Y from +Z.
+        target: Likewise.
+        frames: Frames between the two at 30 Hz; as many as suggested where left out.
+        speed: In place of frames.
+        style: One of the gallery's; any where left out.
+        count: How many different trajectories.
+        seed: The same seed gives the same answer.
+        json: Print one JSON object.
+    """
+    from interpose.cli import trajectories
+
+    return trajectories.query(gallery, (start, target), (frames, speed, style), count, seed, json)
+
+
+def gallery_generate(
+    database: Annotated[Positional[str], arg(metavar="DB")],
+    /,
+    model: Annotated[str, arg(metavar="NAME|DIR")],
+    frames: Annotated[int, arg(metavar="N")] = 18_000,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Give a model a gallery of its own motion, which may travel with it: no frame of the database is in it.
+
+    Args:
+        database: From `interpose prepare`; key poses are taken from it.
+        model: An installed model or a model's folder; its gallery.npz is written anew.
+        frames: Of motion to generate, over all styles of the database.
+        seed: The same seed gives the same gallery.
+    """
+    from interpose.cli import trajectories
+
+    return trajectories.generate(database, model, frames, seed)
+
+
+def gallery_plot(
+    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
+    /,
+    out: OutFolder,
+    style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None,
+    distance: Annotated[float, arg(metavar="M")] = 2.0,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Draw the paper's figures 3, 4 and 6: ways for four turns, distances by style, a match step by step.
+
+    Args:
+        gallery: A gallery's folder, a gallery.npz, or a model's name.
+        out: The folder for the figures.
+        style: Of the ways and the match; any where left out.
+        distance: Metres from start to target of the ways.
+        seed: The same seed gives the same figures.
+    """
+    from interpose.cli import trajectories
+
+    return trajectories.plot(gallery, out, style, distance, seed)
 
 
 def info(
@@ -176,7 +286,7 @@ def export(
 
 
 def evaluate(
-    protocol: Annotated[Positional[Literal["lafan1"]], arg(metavar="lafan1")],
+    protocol: Annotated[Positional[Literal["lafan1", "gallery"]], arg(metavar="lafan1|gallery")],
     /,
     data: Annotated[str, arg(metavar="DIR")],
     out: OutFolder,
@@ -184,21 +294,26 @@ def evaluate(
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None,
     context: Annotated[int, arg(metavar="N")] = 1,
     seed: Annotated[int, arg(metavar="S")] = 0,
+    gallery: Annotated[str | None, arg(metavar="GALLERY", help_behavior_hint=_SAID)] = None,
+    part: Literal["all", "held-out"] = "all",
 ) -> int:
     """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and a figure (.png, with matplotlib).
 
     Args:
-        protocol: lafan1: the official protocol of LaFAN1.
-        data: The benchmark's folder of BVH files.
+        protocol: lafan1: the official protocol of LaFAN1. gallery: what the paths and durations of a gallery are worth.
+        data: lafan1: the folder of BVH files; gallery: a database that the gallery has not seen.
         out: The folder for tables and figures.
         methods: interp, zero-velocity, dcmoe (with --model) and LABEL=MODEL, separated by commas.
         model: For dcmoe: an installed model or a folder; the installed model lafan1 where left out.
         context: Frames known to a model before the gap, 1 to 10; the baselines know the protocol's 10.
         seed: Of the bootstrap and of what the model draws.
+        gallery: For gallery: a gallery's folder or a model's name; the model's own where left out.
+        part: For gallery: held-out takes only the ends of the clips that trainings hold out.
     """
     from interpose.cli import develop
 
-    del protocol
+    if protocol == "gallery":
+        return develop.evaluate_gallery(data, gallery, model, out, part, seed)
     return develop.evaluate(data, methods, model, out, context, seed)
 
 

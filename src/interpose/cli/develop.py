@@ -74,6 +74,28 @@ def evaluate(data: str, methods: str, model: str | None, out: str, context: int,
     return 0
 
 
+def evaluate_gallery(data: str, gallery: str | None, model: str | None, out: str, part: str, seed: int) -> int:
+    from interpose.cli.trajectories import gallery_of
+    from interpose.data import database
+    from interpose.evaluate import trajectories
+    from interpose.runtime import session
+
+    chosen = session.load(model)
+    folder = Path(out)
+    trajectories.evaluate_gallery(
+        database.load(data),
+        gallery_of(gallery or str(chosen.path)),
+        chosen,
+        folder,
+        part=part,
+        seed=seed,
+        progress=lambda message: print(message, file=sys.stderr, flush=True),
+    )
+    print((folder / "results.md").read_text(encoding="utf-8"), end="")
+    print(f"wrote {folder}", file=sys.stderr)
+    return 0
+
+
 def _of_extra(name: str) -> ModuleType:
     """A module that needs the extra `train`; InputError where the extra is not installed."""
     try:

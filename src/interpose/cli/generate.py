@@ -11,43 +11,44 @@ from pathlib import Path
 import numpy as np
 
 from interpose import keys as key_text
+from interpose.cli import trajectories
 from interpose.cli.commands import Options
 from interpose.cli.output import output_paths, write_all
 from interpose.errors import InputError
+from interpose.gallery import drawfile
 from interpose.io import bvh
 from interpose.motion import Motion, concatenate
 from interpose.runtime import inbetween
-from interpose.runtime.inbetween import Info, Request
 from interpose.runtime.interpolate import aligned
+from interpose.runtime.request import METHODS, Info, Request
 from interpose.runtime.session import load
 
 
-def fill(clip: str, keys: str, options: Options) -> int:
+def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
     paths = _outputs(options)
     source = bvh.read(clip)
     chosen = key_text.parse_keys(keys, len(source))
-    filled = inbetween.fill(source, chosen, _request(options), variants=options.variants)
-    kept = [*range(chosen[0]), *chosen, *range(chosen[-1] + 1, len(source))]
-    _write(paths, [f.motion for f in filled], {frame: frame for frame in kept})
+    filled = inbetween.fill(source, chosen, _request(options, retime), variants=options.variants, retime=retime)
+    _write(paths, [f.motion for f in filled], [f.kept for f in filled])
     _report(paths, [f.gaps for f in filled], options.json)
     return 0
 
 
-def between(start: str, target: str, frames: int, options: Options) -> int:
+def between(start: str, target: str, frames: int | None, options: Options) -> int:
     paths = _outputs(options)
-    first, last = _pose(start, -1), _pose(target, 0)
+    first, last = pose(start, -1), pose(target, 0)
     made = inbetween.inbetween(
         first.pose,
         last.pose,
         frames,
-        _request(options),
+        _request(options, frames is None),
         variants=options.variants,
         names=(f"{first.file}:{first.frame}", f"{last.file}:{last.frame}"),
     )
-    layout, verbatim = _two_rows(first, last, frames)
+    layout, fits = _two_rows(first, last)
     keys = aligned(replace(first.pose, layout=layout), last.pose)
     whole = [concatenate(keys[0], aligned(keys[0], c.motion)[1], keys[1]) for c in made]
-    _write(paths, whole, verbatim)
+    _write(paths, whole, [{0: 0, len(one) - 1: 1} if fits else {0: 0} for one in whole])
     _report(paths, [(c.info,) for c in made], options.json)
     return 0
 
@@ -58,14 +59,27 @@ def _outputs(options: Options) -> list[Path]:
     return output_paths(options.out, options.variants)
 
 
-def _request(options: Options) -> Request:
-    needed = options.method in inbetween.METHODS and options.method != "interp"
+def _request(options: Options, untimed: bool) -> Request:
+    """``untimed``: the gallery is to say how long a gap takes, for interpolation, too."""
+    needed = options.method in METHODS and (options.method != "interp" or untimed)
     session = load(options.model) if needed or options.model is not None else None
-    return Request(options.method, session, options.style, options.path, options.seed)
+    lines = drawfile.read(Path(options.path)) if options.path.lower().endswith(".json") else None
+    gallery = None if options.gallery is None else trajectories.gallery_of(options.gallery)
+    return Request(
+        options.method,
+        session,
+        options.style,
+        options.path,
+        options.seed,
+        options.speed,
+        lines,
+        gallery,
+        options.path_control,
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class _Pose:
+class Pose:
     """A frame of a file."""
 
     pose: Motion
@@ -73,36 +87,37 @@ class _Pose:
     frame: int
 
 
-def _pose(text: str, default: int) -> _Pose:
+def pose(text: str, default: int) -> Pose:
+    """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
     name, frame = (text, None) if Path(text).is_file() else key_text.parse_pose(text)
     clip = bvh.read(name)
     number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
-    return _Pose(clip[number], name, number)
+    return Pose(clip[number], name, number)
 
 
-def _two_rows(first: _Pose, last: _Pose, frames: int) -> tuple[bvh.BvhLayout, dict[int, int]]:
-    """The start's layout with the text of both poses' rows, and which output frames take them digit for digit.
+def _two_rows(first: Pose, last: Pose) -> tuple[bvh.BvhLayout, bool]:
+    """The start's layout with the text of both poses' rows, and whether the target's is among them.
 
-    The target's text fits where its file has the same channels and unit; otherwise its numbers are written anew.
+    It fits where its file has the same channels and unit; otherwise its numbers are written anew.
     """
     a, b = first.pose.layout, last.pose.layout
     assert isinstance(a, bvh.BvhLayout)
     assert isinstance(b, bvh.BvhLayout)
-    rows, verbatim = [a.row(first.frame)], {0: 0}
-    if a.channels == b.channels and a.metres_per_unit == b.metres_per_unit and np.array_equal(a.offsets, b.offsets):
+    rows = [a.row(first.frame)]
+    fits = a.channels == b.channels and a.metres_per_unit == b.metres_per_unit and np.array_equal(a.offsets, b.offsets)
+    if fits:
         rows.append(b.row(last.frame))
-        verbatim[frames + 1] = 1
-    return replace(a, rows="\n".join(rows).encode()), verbatim
+    return replace(a, rows="\n".join(rows).encode()), fits
 
 
-def _write(paths: Sequence[Path], motions: Sequence[Motion], verbatim: dict[int, int]) -> None:
+def _write(paths: Sequence[Path], motions: Sequence[Motion], verbatim: Sequence[dict[int, int]]) -> None:
     def write(i: int, path: Path) -> None:
         if path.suffix.lower() == ".glb":
             from interpose.io import gltf
 
             gltf.write(path, [motions[i]])
         else:
-            bvh.write(path, motions[i], verbatim=verbatim)
+            bvh.write(path, motions[i], verbatim=verbatim[i])
 
     write_all(paths, write)
 
@@ -119,9 +134,21 @@ def _report(paths: Sequence[Path], told: Sequence[Sequence[Info]], as_json: bool
 
 def _line(info: Info) -> str:
     slide = "" if info.foot_slide_cm_per_frame is None else f", foot slide {info.foot_slide_cm_per_frame:.2f} cm/frame"
-    why = "" if info.fallback is None else f" (interpolated: {info.fallback})"
+    served = "interpolated: " if info.trajectory is None else ""
+    why = "" if info.fallback is None else f" ({served}{info.fallback})"
     arrival = f"{info.arrival_position_error_m * 100:.3f} cm, {info.arrival_rotation_error_deg:.3f} deg"
     return (
         f"{info.start} -> {info.target}: {info.frames} frames by {info.method}, arrival error {arrival}{slide}, "
-        f"{info.seconds:.2f} s{why}"
+        f"{info.seconds:.2f} s{_way(info)}{why}"
     )
+
+
+def _way(info: Info) -> str:
+    """Where the path is from and how closely it is kept, and the other times that would do."""
+    out = "" if info.trajectory in (None, "model") else f", {info.trajectory} path"
+    if info.path_deviation_m is not None:
+        out += f" kept within {info.path_deviation_m * 100:.1f} cm"
+    if info.suggested is not None:
+        others = ", ".join(f"{a.speed} {a.frames} ({a.fit:.0%})" for a in info.suggested.alternatives)
+        out += f"; {info.suggested.frames} frames suggested: {others}"
+    return out

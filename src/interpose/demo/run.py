@@ -17,8 +17,8 @@ from interpose.errors import InputError
 from interpose.io import bvh, gltf
 from interpose.motion import concatenate
 from interpose.render import Row, compose, draw_rows, save
-from interpose.runtime.inbetween import Info
 from interpose.runtime.model import Model, load_model
+from interpose.runtime.request import Info
 
 OVERVIEW = "contact-sheet.png"
 SEED = 1

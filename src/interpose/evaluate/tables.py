@@ -31,6 +31,10 @@ METRICS = {
     "arrival_position": ("m", 4),
     "key_acceleration": ("m/s²", 1),
     "jerk_ratio": ("of the truth's", 2),
+    "path_deviation": ("m", 3),
+    "duration_error_median": ("of the true duration", 2),
+    "duration_within_20": ("share of suggestions within 20 %", 2),
+    "diversity": ("m between the roots of seven variants", 3),
 }
 """Metric to unit and printed digits, in the order of the tables."""
 TICKS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50)
@@ -97,7 +101,7 @@ def to_markdown(rows: Sequence[Row], heading: str) -> str:
         unit, digits = METRICS[metric]
         cells = {(row.method, row.context_frames, row.frames): _cell(row, digits) for row in mine}
         lines = [f"## {metric} ({unit})\n"]
-        lines.append("| method | context | " + " | ".join(f"{n} frames" for n in lengths) + " |")
+        lines.append("| method | context | " + " | ".join(f"{n} frames" if n else "all" for n in lengths) + " |")
         lines.append("|---|---|" + "---|" * len(lengths))
         for method, context in dict.fromkeys((row.method, row.context_frames) for row in mine):
             values = [cells.get((method, context, n), "-") for n in lengths]

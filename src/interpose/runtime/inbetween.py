@@ -13,77 +13,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
-from interpose import retarget, rotation
-from interpose.data import contacts
+from interpose import retarget
 from interpose.errors import InputError
+from interpose.gallery.drawfile import Drawn
 from interpose.keys import gaps
-from interpose.motion import Motion, concatenate
+from interpose.motion import Motion, concatenate, sample
+from interpose.runtime import guidance
+from interpose.runtime.guidance import Gap, Plan
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
-from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps
-from interpose.runtime.session import Session
-from interpose.runtime.transition import generate
-from interpose.skeleton import HUMANOID
+from interpose.runtime.judgement import apart, judge
+from interpose.runtime.request import Alternative, Info, Request, Suggested
+from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, user_frames
+from interpose.runtime.transition import Made, generate
 
-METHODS = ("dcmoe", "interp")
 LONGEST_MODEL_GAP = 600
-
-TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked of every gap. Raises InputError where it cannot be had.
-
-    session: the model; needed by every method but interp. style: one of the model's, or None to leave it free.
-    """
-
-    method: str = "dcmoe"
-    session: Session | None = None
-    style: str | None = None
-    path: str = "auto"
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"unknown method '{self.method}'; there are {', '.join(METHODS)}")
-        if self.path != "auto":
-            raise InputError(f"path '{self.path}' cannot be followed; only 'auto' can, which leaves it to the model")
-        if self.seed < 0:
-            raise InputError(f"the seed must be 0 or more, got {self.seed}")
-        if self.method == "interp":
-            if self.style is not None:
-                raise InputError(f"interpolation has no styles; leave out style '{self.style}', or choose dcmoe")
-        elif self.session is None:
-            raise InputError(f"method '{self.method}' needs a model")
-        elif self.style is not None and self.style not in self.session.styles:
-            known = ", ".join(self.session.styles) or "none"
-            raise InputError(f"the model '{self.session.name}' has no style '{self.style}'; it has {known}")
-
-
-@dataclass(frozen=True)
-class Info:
-    """What is told of one transition; the fields are those of `--json`.
-
-    start, target: the keys, as frames of the clip or as they were named. foot_slide_cm_per_frame: of the delivered
-    motion with its keys, by :func:`foot_slide`; None where the rig's feet are not known. seconds: wall time of the gap,
-    all variants together. fallback: None, or why interpolation served in place of the method asked for.
-    """
-
-    start: int | str
-    target: int | str
-    frames: int
-    method: str
-    style: str | None
-    path: str
-    seed: int
-    arrival_position_error_m: float
-    arrival_rotation_error_deg: float
-    foot_slide_cm_per_frame: float | None
-    seconds: float
-    fallback: str | None
+MISFIT = 0.25
+"""What a path that fits badly costs: centimetres of foot slide for each factor e of its fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,16 +42,20 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Filled:
-    """A clip with all its gaps filled, and what is told of each gap."""
+    """A clip with all its gaps filled, and what is told of each gap.
+
+    kept: for each frame of the clip that was kept, where it is now and where it was.
+    """
 
     motion: Motion
     gaps: tuple[Info, ...]
+    kept: dict[int, int]
 
 
 def inbetween(
     start: Motion,
     target: Motion,
-    frames: int,
+    frames: int | None,
     request: Request,
     *,
     variants: int = 1,
@@ -114,47 +64,74 @@ def inbetween(
 ) -> list[Candidate]:
     """``variants`` candidates for the ``frames`` frames from ``start``'s last to ``target``'s first frame, best first.
 
-    The frames of ``start`` before its last are context: the model sees where the motion comes from. Those of ``target``
-    after its first say with what velocity to arrive. ``mapping`` is what :func:`mapping_of` gave for the clip, where it
-    is known. ``names`` go to the info, by default 0 and frames + 1.
-    The best slides least on its feet and leaves and meets the keys with the least jerk.
-    Raises InputError where the skeletons differ or the gap is too short or too long.
+    Without ``frames`` each takes the time that the gallery suggests, or that its own path took. The frames of ``start``
+    before its last are context: the model sees where the motion comes from. Those of ``target`` after its first say
+    with what velocity to arrive. ``mapping`` is what :func:`mapping_of` gave for the clip, where it is known. ``names``
+    go to the info, by default 0 and frames + 1.
+    The best slides least on its feet, leaves and meets the keys with the least jerk, and has the path that fits best.
+    Raises InputError where the skeletons differ, the gap is too short or too long, frames and a speed are both asked
+    for, or no time is known.
     """
-    check_gap(start, target, frames)
+    check_gap(start, target, 1 if frames is None else frames)
+    if frames is not None and request.speed is not None:
+        raise InputError(f"speed '{request.speed}' and {frames} frames were both asked for; give one of them")
     mapping = mapping_of(start) if mapping is None else mapping
-    found = _transitions([start] * variants, target, frames, request, mapping, names or (0, frames + 1))
+    found = _transitions([start] * variants, target, frames, request, mapping, names)
     order = np.argsort([cost for _, cost in found], kind="stable")
     return [found[i][0] for i in order]
 
 
-def fill(clip: Motion, keys: Sequence[int], request: Request, *, variants: int = 1) -> list[Filled]:
+def suggest(
+    start: Motion, target: Motion, request: Request, *, mapping: retarget.Mapping | str | None = None
+) -> Suggested:
+    """How many frames the gap from ``start``'s last to ``target``'s first frame should take, and the alternatives.
+
+    Raises InputError where it is not known: the rig is no humanoid, there is no gallery, or it does not reach so far.
+    """
+    check_gap(start, target, 1)
+    gap = _gap(start, aligned(start, target)[1], mapping_of(start) if mapping is None else mapping)
+    told = guidance.suggestion(request.trajectories, gap, guidance.Wish(None, style=request.style, seed=request.seed))
+    each = tuple(Alternative(g.speed, user_frames(g.steps, start.rate), round(g.fit, 3)) for g in told.groups)
+    return Suggested(user_frames(told.steps, start.rate), each)
+
+
+def fill(
+    clip: Motion, keys: Sequence[int], request: Request, *, variants: int = 1, retime: bool = False
+) -> list[Filled]:
     """``clip`` with all frames between its first and last key made anew, but for the keys; best first.
 
     ``keys``: ascending frame numbers. What lies before a gap, known or just made, is its context, and known frames
-    after it are arrived at with their velocity, so that the motion runs through a key without a stop. Raises InputError
-    where no two neighbouring keys have a frame between them.
+    after it are arrived at with their velocity, so that the motion runs through a key without a stop. With ``retime``
+    each gap takes the time that is suggested for it, and the keys move apart or together. Raises InputError where no
+    two neighbouring keys have a frame between them, and for a speed without ``retime``.
     """
     pairs = gaps(tuple(keys))
     if not pairs:
         raise InputError("the keys leave no frame to fill: there must be frames between two of them")
+    if request.speed is not None and not retime:
+        raise InputError(
+            f"the keys say how long each gap takes; speed '{request.speed}' needs --retime, which moves them"
+        )
+    if request.lines is not None:
+        request.lines.check(pairs)
     mapping = mapping_of(clip)
-    rows = [_copy(clip) for _ in range(variants)]
+    rows = [[clip[: pairs[0][0] + 1]] for _ in range(variants)]
+    kept = [dict(zip(range(pairs[0][0] + 1), range(pairs[0][0] + 1), strict=True)) for _ in range(variants)]
     infos: list[tuple[Info, ...]] = [()] * variants
     costs = np.zeros(variants)
     reach = int(np.ceil((CONTEXT - 1) * clip.rate / MODEL_RATE)) + 1
-    for first, last in pairs:
-        starts = [row[max(0, first + 1 - reach) : first + 1] for row in rows]
+    for (first, last), (following, _) in zip(pairs, [*pairs[1:], (len(clip) - 1, 0)], strict=True):
+        starts = [_tail(row, reach) for row in rows]
         target = clip[last : min(_known_until(last, keys, len(clip)), last + reach)]
-        made = _transitions(starts, target, last - first - 1, request, mapping, (first, last))
+        frames = None if retime else last - first - 1
+        made = _transitions(starts, target, frames, request, mapping, (first, last))
         for i, (candidate, cost) in enumerate(made):
-            rows[i].root_positions[first + 1 : last] = candidate.motion.root_positions
-            rows[i].local_rotations[first + 1 : last] = candidate.motion.local_rotations
-            moved, made_moved = rows[i].translations, candidate.motion.translations
-            if moved is not None and made_moved is not None:
-                moved[first + 1 : last] = made_moved
+            rows[i] += [candidate.motion, clip[last : following + 1]]
+            at = sum(map(len, rows[i][:-1]))
+            kept[i] |= {at + n: last + n for n in range(following + 1 - last)}
             infos[i] = (*infos[i], candidate.info)
             costs[i] += cost
-    return [Filled(rows[i], infos[i]) for i in np.argsort(costs, kind="stable")]
+    return [Filled(concatenate(*rows[i]), infos[i], kept[i]) for i in np.argsort(costs, kind="stable")]
 
 
 def mapping_of(motion: Motion) -> retarget.Mapping | str:
@@ -165,77 +142,111 @@ def mapping_of(motion: Motion) -> retarget.Mapping | str:
         return str(error)
 
 
-def foot_slide(toes: Float[ndarray, "frame toe 3"], rate: float) -> float:
-    """Centimetres a 30 Hz frame that the toes travel while they are low; zero where no toe is ever low.
-
-    ``toes``: as `interpose.data.contacts.foot_slide` takes them.
-    """
-    travel, samples = contacts.foot_slide(toes)
-    return float(travel / max(1, samples)) * rate / MODEL_RATE
-
-
 def _transitions(
     starts: list[Motion],
     target: Motion,
-    frames: int,
+    frames: int | None,
     request: Request,
     mapping: retarget.Mapping | str,
-    names: tuple[int | str, int | str],
+    names: tuple[int | str, int | str] | None,
 ) -> list[tuple[Candidate, float]]:
     """A candidate and its cost for each of ``starts``, which end in the same key."""
     began = time.perf_counter()
-    fallback = None if request.method == "interp" else _why_not(starts[0], frames, request, mapping)
     first, last = aligned(starts[0][-1], target[0])
-    styles: list[str | None] = [None] * len(starts)
-    if request.method == "interp" or request.session is None or isinstance(mapping, str) or fallback is not None:
-        made = [concatenate(first, interpolate(first, last, frames), last)] * len(starts)
+    for pose in (first, last):
+        if not (np.isfinite(pose.root_positions).all() and np.isfinite(pose.local_rotations).all()):
+            raise InputError("a key pose holds numbers that are not finite (NaN or infinite); give poses without them")
+    goal = aligned(starts[0], target)[1]
+    rate = starts[0].rate
+    line = _line(request, names)
+    suggested = suggest(starts[0], goal, request, mapping=mapping) if frames is None and line is None else None
+    fallback = None
+    if request.method == "interp" and suggested is not None:
+        frames = _frames_at(suggested, request.speed)
+    elif request.method != "interp":
+        fallback = _why_not(starts[0], frames, request, mapping)
+    plans: list[Plan | None] = [None] * len(starts)
+    if request.session is None or isinstance(mapping, str) or request.method == "interp" or fallback is not None:
+        if frames is None:  # a rig that is no humanoid, told of in the fallback
+            raise InputError(f"how long this takes is not known: {fallback}; give a number of frames")
+        sizes = [frames] * len(starts)
+        made = [Made(concatenate(first, interpolate(first, last, frames), last), None)] * len(starts)
     else:
-        goal = aligned(starts[0], target)[1]
-        styles = _styles(request, len(starts))
-        made = generate(starts, goal, frames, request.session, mapping, styles, request.seed)
+        steps = None if frames is None else model_steps(frames, rate)
+        path = "drawn" if line is not None else "auto" if request.lines is not None else request.path
+        scaled = None if line is None else line.scaled(mapping.scale)
+        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed)
+        gap = _gap(starts[0], goal, mapping)
+        found = guidance.plans(request.session, request.trajectories, gap, wish, len(starts))
+        sizes = [user_frames(plan.steps, rate) if frames is None else frames for plan in found]
+        made = generate(starts, goal, sizes, found, request.session, mapping, request.seed, request.control)
+        plans = [*found]
     seconds = time.perf_counter() - began
-    position, angle = _apart(made[0][-1], last)
-    inner = [motion[1:-1] for motion in made]
-    slides, costs = _judge(starts, inner, target, mapping)
-    shared = Info(
-        start=names[0],
-        target=names[1],
-        frames=frames,
-        method="interp" if fallback is not None else request.method,
-        style=None,
-        path=request.path,
-        seed=request.seed,
-        arrival_position_error_m=round(position, 9),
-        arrival_rotation_error_deg=round(angle, 6),
-        foot_slide_cm_per_frame=None,
-        seconds=round(seconds, 6),
-        fallback=fallback,
-    )
-    found = []
-    for motion, style, slide, cost in zip(inner, styles, slides, costs, strict=True):
-        info = replace(shared, style=style, foot_slide_cm_per_frame=None if slide is None else round(slide, 4))
-        found.append((Candidate(motion, info), cost))
-    return found
+    slides, costs = judge(starts, [one.motion[1:-1] for one in made], target, mapping)
+    out = []
+    for one, size, plan, slide, cost in zip(made, sizes, plans, slides, costs, strict=True):
+        position, angle = apart(one.motion[-1], last)
+        info = Info(
+            start=0 if names is None else names[0],
+            target=size + 1 if names is None else names[1],
+            frames=size,
+            method=request.method if plan is not None else "interp",
+            style=None if plan is None else plan.style,
+            path=request.path,
+            seed=request.seed,
+            arrival_position_error_m=round(position, 9),
+            arrival_rotation_error_deg=round(angle, 6),
+            foot_slide_cm_per_frame=_rounded(slide, 4),
+            seconds=round(seconds, 6),
+            fallback=fallback if plan is None else plan.note,
+            speed=request.speed,
+            trajectory=None if plan is None else plan.trajectory,
+            path_deviation_m=_rounded(one.deviation, 5),
+            fit=None if plan is None else _rounded(plan.fit, 3),
+            suggested=suggested,
+        )
+        misfit = 0.0 if plan is None or plan.fit is None else -MISFIT * float(np.log(plan.fit))
+        out.append((Candidate(one.motion[1:-1], info), cost + misfit))
+    return out
 
 
-def _styles(request: Request, count: int) -> list[str | None]:
-    """The style of each variant: what was asked for; where it was left free, free first and then each style in turn,
-    in an order that the seed decides."""
-    assert request.session is not None
-    known = request.session.styles
-    if request.style is not None or not known:
-        return [request.style] * count
-    order = np.random.default_rng(request.seed).permutation(len(known))
-    return [None, *(known[order[i % len(known)]] for i in range(count - 1))][:count]
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
 
 
-def _why_not(start: Motion, frames: int, request: Request, mapping: retarget.Mapping | str) -> str | None:
+def _line(request: Request, names: tuple[int | str, int | str] | None) -> Drawn | None:
+    """What was drawn for this gap."""
+    if request.lines is None:
+        return None
+    if names is not None and isinstance(names[0], int) and isinstance(names[1], int):
+        return request.lines.of(names[0], names[1])
+    return request.lines.whole
+
+
+def _gap(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
+    """The gap on the 22 joints at 30 Hz. Raises InputError where the rig is no humanoid."""
+    if isinstance(mapping, str):
+        raise InputError(f"how long this takes is not known: {mapping}; give a number of frames")
+    ahead = np.minimum(np.arange(min(2, len(goal))) * goal.rate / MODEL_RATE, len(goal) - 1.0)
+    known = retarget.to_humanoid(recent(start, CONTEXT), mapping), retarget.to_humanoid(sample(goal, ahead), mapping)
+    return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
+
+
+def _frames_at(suggested: Suggested, speed: str | None) -> int:
+    """The frames of a speed, or the suggestion's own."""
+    found = [each.frames for each in suggested.alternatives if each.speed == speed]
+    return found[0] if found else suggested.frames
+
+
+def _why_not(start: Motion, frames: int | None, request: Request, mapping: retarget.Mapping | str) -> str | None:
     """Why the model cannot serve this gap, in one phrase, or None where it can."""
     assert request.session is not None
     if isinstance(mapping, str):
         return mapping
     if request.session.method != request.method:
         return f"the model '{request.session.name}' is for method {request.session.method}"
+    if frames is None:
+        return None
     if frames > LONGEST_MODEL_GAP:
         return f"the gap is longer than {LONGEST_MODEL_GAP} frames"
     if model_steps(frames, start.rate) == 1:
@@ -251,40 +262,10 @@ def _known_until(key: int, keys: Sequence[int], frames: int) -> int:
     return frames if key > keys[-1] else key
 
 
-def _copy(clip: Motion) -> Motion:
-    moved = None if clip.translations is None else clip.translations.copy()
-    return replace(
-        clip,
-        root_positions=clip.root_positions.copy(),
-        local_rotations=clip.local_rotations.copy(),
-        translations=moved,
-    )
-
-
-def _apart(one: Motion, other: Motion) -> tuple[float, float]:
-    """The largest distance of a joint between two poses, metres, and the largest angle between rotations, degrees."""
-    distance = np.linalg.norm(one.global_positions() - other.global_positions(), axis=-1)
-    turn = rotation.multiply(rotation.inverse(one.global_rotations()), other.global_rotations())
-    return float(distance.max()), float(np.degrees(rotation.angle(turn).max()))
-
-
-def _judge(
-    starts: list[Motion], inner: list[Motion], target: Motion, mapping: retarget.Mapping | str
-) -> tuple[list[float | None], list[float]]:
-    """Foot slide and cost of each transition; without a mapping nothing is known of either.
-
-    The cost is the foot slide and how much the joints' mean step changes at the two ends, in centimetres a 30 Hz frame.
-    """
-    if isinstance(mapping, str):
-        return [None] * len(inner), [0.0] * len(inner)
-    rate = starts[0].rate
-    parts = []
-    for start, made in zip(starts, inner, strict=True):
-        keys = aligned(start[-2:], target[0])
-        parts += [keys[0], aligned(keys[0], made)[1], keys[1]]
-    positions = retarget.to_humanoid(concatenate(*parts), mapping).global_positions()
-    positions = positions.reshape(len(inner), -1, len(HUMANOID), 3)
-    key = min(len(starts[0]), 2) - 1
-    slides = [foot_slide(p[key:, TOES], rate) for p in positions]
-    bends = np.linalg.norm(np.diff(positions, n=2, axis=1), axis=-1).mean(axis=-1) * 100.0 * rate / MODEL_RATE
-    return list(slides), [slide + float(bend[0] + bend[-1]) / 2.0 for slide, bend in zip(slides, bends, strict=True)]
+def _tail(pieces: Sequence[Motion], reach: int) -> Motion:
+    """The last ``reach`` frames of some motions, one after the other."""
+    used, count = 0, 0
+    while used < len(pieces) and count < reach:
+        used += 1
+        count += len(pieces[-used])
+    return concatenate(*pieces[len(pieces) - used :])[-reach:]

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from numpy import ndarray
 
 from interpose import retarget
 from interpose.errors import InputError
+from interpose.gallery import drawfile
+from interpose.gallery.drawfile import DrawnFile
+from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime import inbetween
-from interpose.runtime.inbetween import Candidate, Request
+from interpose.runtime.inbetween import Candidate
+from interpose.runtime.request import PATHS, Request, Suggested
 from interpose.runtime.session import Session, load
 from interpose.runtime.stream import Stream
 
@@ -35,27 +43,44 @@ class Model:
         self,
         start: Motion,
         target: Motion,
-        frames: int,
+        frames: int | None = None,
         *,
         style: str | None = None,
         speed: str | None = None,
-        path: str | None = None,
+        path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None = None,
         variants: int = 1,
         seed: int = 0,
         mapping: retarget.Mapping | None = None,
+        gallery: Gallery | None = None,
+        control: float = 1.0,
     ) -> list[Candidate]:
         """``variants`` candidates for the ``frames`` frames between ``start`` and ``target``, best first.
 
+        Without ``frames`` the gallery says how long it takes, at ``speed`` (fast, medium or slow) where given. path:
+        None or "auto" (a trajectory of the gallery), "straight", "none" (the model's own), a file that ends in .json
+        (docs/paths.md), or points (x, z) on the ground in metres. gallery: in place of the model's own.
+        control: how much the path counts beside the way that the model foresees.
+
         Any rig and rate; both poses share the rig. The last frame of ``start`` is the key, those before it are context.
         ``mapping``, of :func:`interpose.retarget.plan`, saves the time to find it again for every gap of a clip.
-        Raises InputError for what cannot be served: an unknown style, two rigs, fewer than one frame.
+        Raises InputError for what cannot be served: an unknown style, two rigs, fewer than one frame, frames and a
+        speed together.
         """
-        if speed is not None:
-            raise InputError(f"speed '{speed}' cannot be asked for yet; it needs the gallery of trajectories")
         if variants < 1:
             raise InputError(f"variants must be 1 or more, got {variants}")
-        request = Request(self.session.method, self.session, style, path or "auto", seed)
+        named, lines = _path(path)
+        request = Request(self.session.method, self.session, style, named, seed, speed, lines, gallery, control)
         return inbetween.inbetween(start, target, frames, request, variants=variants, mapping=mapping)
+
+    def suggest(
+        self, start: Motion, target: Motion, *, style: str | None = None, gallery: Gallery | None = None
+    ) -> Suggested:
+        """How many frames the gap between ``start`` and ``target`` should take, and the alternatives.
+
+        Raises InputError where it is not known: no humanoid, no gallery, or too far apart for it.
+        """
+        request = Request(self.session.method, self.session, style, gallery=gallery)
+        return inbetween.suggest(start, target, request)
 
     def stream(
         self,
@@ -70,6 +95,16 @@ class Model:
         Raises InputError for a rig that is no humanoid, and for an unknown style.
         """
         return Stream(self.session, start, style, seed, mapping)
+
+
+def _path(path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None) -> tuple[str, DrawnFile | None]:
+    """The path's name, and what was drawn."""
+    if path is None or (isinstance(path, str) and path in PATHS):
+        return path or "auto", None
+    if isinstance(path, str | os.PathLike):
+        name = os.fspath(path)
+        return name, drawfile.read(Path(name)) if name.lower().endswith(".json") else None
+    return "drawn", drawfile.of_points(path)
 
 
 def load_model(name: str | os.PathLike[str] | None = None) -> Model:

@@ -28,6 +28,11 @@ def model_steps(frames: int, rate: float) -> int:
     return max(1, int(np.floor(MODEL_RATE * (frames + 1) / rate + 0.5)))
 
 
+def user_frames(steps: int, rate: float) -> int:
+    """Frames of a gap at ``rate`` that last nearest to that many steps of the model; at least 1."""
+    return max(1, round(steps * rate / MODEL_RATE) - 1)
+
+
 def recent(motion: Motion, count: int) -> Motion:
     """The last frames of ``motion`` at the model's rate, at most ``count``, the last of them the last frame itself."""
     step = motion.rate / MODEL_RATE

@@ -7,6 +7,7 @@ and the count of frames left. On the base the last step leads into the target ex
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +16,14 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose import skeleton as kinematics
-from interpose.features import CHANNELS, CONTACTS, HISTORY, KEY_STEP, KEYS, RATE, SIDE_KEYS, state_shapes
+from interpose.features import CHANNELS, CONTACTS, HISTORY, JOINTS, KEY_STEP, KEYS, RATE, SIDE_KEYS, state_shapes
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
 PARENTS = HUMANOID.parents
+POSE = 3 + JOINTS * 6
+Path = Float[ndarray, "_ 3"]
+"""The root's way on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
 _UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -102,50 +106,92 @@ def generate_batch(
     start_local: Float[ndarray, "batch context 22 4"],
     target_root: Float[ndarray, "batch 3"],
     target_local: Float[ndarray, "batch 22 4"],
-    frames: int,
+    frames: int | Sequence[int],
     style: list[str | None] | None = None,
     seed: int = 0,
     vary: bool = False,
-) -> tuple[
-    Float[ndarray, "batch {frames} 3"], Float[ndarray, "batch {frames} 22 4"], Float[ndarray, "batch {frames} 4"]
-]:
+    paths: Sequence[Path | None] | None = None,
+    control: float = 1.0,
+) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]:
     """The ``frames`` frames between start and target at 30 Hz: hips, local rotations, contact probabilities.
 
-    The last context frame is the start key. style: a label a row, None to leave it free. ``vary`` starts the rows in
-    different phases, so that they become variants of one another; otherwise the seed changes nothing.
-    Raises InputError for an unknown style.
+    The last context frame is the start key. Where the rows' ``frames`` differ, a shorter row is followed by its target.
+    style: a label a row, None to leave it free. ``vary`` starts the rows in different phases, so that they become
+    variants of one another; otherwise the seed changes nothing. paths: for each row the root's way from start to
+    target, frames + 2 rows, or None to leave it to the network. control: how much the path counts beside the root that
+    the network foresees, 0 to 1. Raises InputError for an unknown style.
     """
     count = len(start_root)
+    each = [frames] * count if isinstance(frames, int) else list(frames)
+    longest = max(each, default=0)
     context = pose_of(start_root, start_local)
     target = pose_of(target_root, target_local)
-    base = interpolation((start_root[:, -1], start_local[:, -1]), (target_root, target_local), frames)
-    base = base.astype(np.float32)
+    base = _bases((start_root[:, -1], start_local[:, -1]), (target_root, target_local), each).astype(np.float32)
     state = initial_state(context, initial_phases(session, count, seed, vary))
     state = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in state.items()}
     fixed = steering(session, target, style or [None] * count)
+    given = np.array([path is not None for path in paths or [None] * count])
+    keys = guidance(list(paths or [None] * count), longest)
+    fixed["path_known"][given] = 1.0
     hips, six, contacts = [], [], []
-    path = resting_path(context)
-    for step in range(frames):
+    foreseen = resting_path(context)
+    for step in range(longest):
+        path = fixed["path"] if not session.feeds_path_back else foreseen
+        if given.any():
+            share = control if step else 1.0
+            path = np.where(given[:, None, None], share * keys[:, step] + (1.0 - share) * foreseen, path)
         moving = fixed | {
             "base": base[:, step],
             "base_next": base[:, step + 1],
-            "frames_left": np.full((count, 1), frames + 1 - step, dtype=np.float32),
+            "frames_left": np.array([[max(n + 1 - step, 1)] for n in each], dtype=np.float32),
+            "path": path.astype(np.float32),
         }
-        if session.feeds_path_back:
-            moving["path"] = path
         said = session.step(state | moving)
         state = after(said)
-        path = said["next_path"]
+        foreseen = said["next_path"]
         hips.append(state["hips"])
         six.append(state["rotations"])
         contacts.append(said["contacts"])
-    if not frames:
+    if not longest:
         return np.zeros((count, 0, 3)), np.zeros((count, 0, 22, 4)), np.zeros((count, 0, len(CONTACTS)))
     world = rotation.from_6d(np.stack(six, axis=1).astype(float))
     local = kinematics.local_rotations(world, PARENTS)
     signed = np.concatenate([start_local[:, -1:], local], axis=1).swapaxes(0, 1)
     local = rotation.continuous(signed).swapaxes(0, 1)[:, 1:]
     return np.stack(hips, axis=1).astype(float), local, np.stack(contacts, axis=1).astype(float)
+
+
+def _bases(
+    start: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
+    target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
+    frames: list[int],
+) -> Float[ndarray, "batch time pose"]:
+    """Each row's :func:`interpolation`; after a shorter one its target stands still."""
+    longest = max(frames, default=0)
+    out = np.empty((len(frames), longest + 2, POSE))
+    for length in set(frames):
+        rows = [row for row, n in enumerate(frames) if n == length]
+        made = interpolation((start[0][rows], start[1][rows]), (target[0][rows], target[1][rows]), length)
+        out[rows, : length + 2] = made
+        out[rows, length + 2 :] = made[:, -1:]
+    return out
+
+
+def guidance(paths: list[Path | None], frames: int) -> Float[ndarray, "batch {frames} 6 6"]:
+    """What the input `path` shows of each row's path at each step: root, facing and velocity at the six keys ahead.
+
+    Beyond a path's end its last frame goes on being shown, as in training. Rows without a path have zeros.
+    """
+    out = np.zeros((len(paths), frames, SIDE_KEYS, 6))
+    for row, path in enumerate(paths):
+        if path is not None:
+            at = np.arange(frames)[:, None] + KEY_STEP * np.arange(1, SIDE_KEYS + 1)
+            here = np.minimum(at, len(path) - 1)
+            before = np.maximum(here - 1, 0)
+            out[row, ..., :2] = path[here, :2]
+            out[row, ..., 2], out[row, ..., 3] = np.sin(path[here, 2]), np.cos(path[here, 2])
+            out[row, ..., 4:] = (path[here, :2] - path[before, :2]) * RATE
+    return out
 
 
 def after(said: dict[str, ndarray]) -> dict[str, ndarray]:

@@ -20,6 +20,8 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes
+from interpose.gallery import store
+from interpose.gallery.store import Gallery
 
 INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
 DEFAULT = "default"
@@ -86,6 +88,12 @@ class Session:
         if bank.shape[1:] != (KEYS, CHANNELS, 2):
             raise InputError(f"{file} has windows of {bank.shape[1:]}, not {(KEYS, CHANNELS, 2)}; export it again")
         return bank.astype(float)
+
+    @cached_property
+    def gallery(self) -> Gallery | None:
+        """The trajectories that travel with the model, or None."""
+        file = self.path / "gallery.npz"
+        return store.load(file) if file.exists() else None
 
     @cached_property
     def outputs(self) -> list[str]:

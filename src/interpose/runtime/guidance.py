@@ -1,0 +1,204 @@
+"""Where the root shall go in a gap, and how long that takes: a plan for each variant, before any frame is made.
+
+The network follows a path that it is shown (Chu and Yang 2024, section 4): drawn by the user, straight, or matched from
+the gallery. Of the trajectories that fit, the first variant takes the one nearest to where the network would lead the
+root by itself, so that a real trajectory with real timing stands in for an averaged one; further variants take others.
+Where nothing is known of paths, the network is left to itself and the plan says why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.gallery import drawn, paths, proposals
+from interpose.gallery.drawfile import Drawn
+from interpose.gallery.matching import Query
+from interpose.gallery.proposals import Asked, Ends, Unreachable
+from interpose.gallery.speeds import Suggestion
+from interpose.gallery.store import Gallery
+from interpose.gallery.tracks import posture_of, track_of
+from interpose.gallery.windows import SHORTEST
+from interpose.motion import Motion
+from interpose.runtime import rollout
+from interpose.runtime.rollout import Path
+from interpose.runtime.session import Session
+
+RATE = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How one variant is to be led. path: (steps + 1, 3) on the ground of the 22 joints, or None.
+
+    trajectory: where the path is from: matched, composed, drawn, straight, or model where the network leads. style: for
+    the network. fit: of a matched path, 0 to 1. note: what could not be served as asked, and why.
+    """
+
+    steps: int
+    path: Path | None = None
+    trajectory: str = "model"
+    style: str | None = None
+    fit: float | None = None
+    note: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """A gap on the 22 joints at 30 Hz: the known frames up to its start, and from its target on, the key first."""
+
+    context: Motion
+    target: Motion
+
+    @property
+    def query(self) -> Query:
+        """Where it leads."""
+        (a, b, c), (d, e, f) = track_of(self.context[-1])[0].tolist(), track_of(self.target[0])[0].tolist()
+        return Query((a, b, c), (d, e, f))
+
+    @property
+    def ends(self) -> Ends:
+        """The keys' postures, and the root's velocities where the motion around the gap is known."""
+        pair = posture_of(self.context[-1])[0], posture_of(self.target[0])[0]
+        before = _velocity(self.context[-2:]) if len(self.context) > 1 else None
+        after = _velocity(self.target[:2]) if len(self.target) > 1 else None
+        return Ends(pair, (before, after))
+
+
+def _velocity(two: Motion) -> Float[ndarray, "2"]:
+    step = (two.root_positions[1] - two.root_positions[0]) * two.rate
+    return step[[0, 2]]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of the plans of a gap. steps: at 30 Hz, None where they are to be suggested. path: auto, straight,
+    none or drawn; with drawn, ``line``. style, speed: as in `interpose.runtime.inbetween.Request`."""
+
+    steps: int | None
+    path: str = "auto"
+    line: Drawn | None = None
+    style: str | None = None
+    speed: str | None = None
+    seed: int = 0
+
+
+def suggestion(gallery: Gallery | None, gap: Gap, wish: Wish) -> Suggestion:
+    """How long the gap should take. Raises InputError where there is no gallery, and :class:`Unreachable`."""
+    if gallery is None:
+        raise InputError("how long this takes is not known without a gallery; give a number of frames, or a gallery")
+    style = wish.style if wish.style in gallery.styles else None
+    return proposals.suggestion(gallery, gap.query, gap.ends, style, wish.seed)
+
+
+def plans(session: Session, gallery: Gallery | None, gap: Gap, wish: Wish, count: int) -> list[Plan]:
+    """``count`` plans for a gap, the likeliest first.
+
+    Raises InputError where a wish cannot be served: no time given and none known, a style or a line that cannot be had.
+    """
+    if wish.path == "drawn":
+        assert wish.line is not None
+        return _shared([_drawn(gallery, gap, wish)] * count, session, wish)
+    steps, note = wish.steps, None
+    if steps is None and (wish.path != "auto" or gallery is None):
+        told = suggestion(gallery, gap, wish)
+        steps = told.steps if wish.speed is None else proposals.group_of(told, wish.speed).steps
+    if wish.path == "straight":
+        assert steps is not None
+        line = Plan(steps, paths.straight(gap.query, steps), "straight")
+        return _shared([line] * count, session, wish)
+    made: list[Plan] = []
+    if wish.path == "auto" and gallery is not None:
+        try:
+            made, note = _matched(session, gallery, gap, replace(wish, steps=steps), count)
+        except Unreachable as error:
+            if steps is None:
+                raise
+            note = f"{error}; the path is the model's own"
+    while len(made) < count:
+        assert steps is not None or made
+        made.append(Plan(made[0].steps if steps is None else steps, note=note))
+    return _shared(made, session, wish)
+
+
+def _matched(session: Session, gallery: Gallery, gap: Gap, wish: Wish, count: int) -> tuple[list[Plan], str | None]:
+    """Plans along trajectories of the gallery, and what could not be served as asked."""
+    query, ends, note = gap.query, gap.ends, None
+    style = wish.style
+    if style is not None and style not in gallery.styles:
+        note = f"the gallery has no trajectory in style '{style}'; those of all its styles were matched"
+        style = None
+    if wish.steps is not None and wish.steps < SHORTEST:
+        return [], _too_fast(gallery, query, wish.steps)
+    asked = Asked(wish.steps, wish.speed, style)
+    steps = wish.steps
+    if steps is None:
+        told = proposals.suggestion(gallery, query, ends, style, wish.seed)
+        steps = told.steps if wish.speed is None else proposals.group_of(told, wish.speed).steps
+    hint = _own_way(session, gap, steps, wish.style)
+    found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
+    return [
+        Plan(
+            one.steps,
+            one.path,
+            "composed" if one.composed else "matched",
+            one.style if i and one.style in session.styles else None,
+            one.fit,
+            note,
+        )
+        for i, one in enumerate(found)
+    ], note
+
+
+def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
+    """Where the network leads the root by itself."""
+    start, goal = gap.context, gap.target
+    made, _, _ = rollout.generate_batch(
+        session,
+        start.root_positions[None],
+        start.local_rotations[None],
+        goal.root_positions[:1],
+        goal.local_rotations[:1],
+        steps - 1,
+        style=[style],
+    )
+    ends = np.array([gap.query.start, gap.query.target])
+    turned = np.interp(np.arange(1, steps), [0, steps], ends[:, 2])
+    inner = np.concatenate([made[0][:, [0, 2]], turned[:, None]], axis=-1)
+    return np.concatenate([ends[:1], inner, ends[1:]])
+
+
+def _drawn(gallery: Gallery | None, gap: Gap, wish: Wish) -> Plan:
+    assert wish.line is not None
+    style = wish.style if gallery is not None and wish.style in gallery.styles else None
+    path = drawn.follow(gallery, wish.line, gap.query, Asked(wish.steps, wish.speed, style), gap.ends, wish.seed)
+    return Plan(len(path) - 1, path, "drawn")
+
+
+def _too_fast(gallery: Gallery, query: Query, steps: int) -> str | None:
+    """Why a time shorter than any of the gallery's cannot be right; None where the model may well serve it."""
+    pace, fastest = query.distance / steps, gallery.fastest
+    if pace <= 1.5 * fastest:
+        return None
+    needs = int(np.ceil(query.distance / fastest))
+    return (
+        f"{query.distance:.2f} m in {steps} frames at 30 Hz is {pace * RATE:.0f} m/s, and the fastest trajectory of "
+        f"the gallery has {fastest * RATE:.1f} m/s; {needs} frames would do; the path is the model's own"
+    )
+
+
+def _shared(made: list[Plan], session: Session, wish: Wish) -> list[Plan]:
+    """The plans with their styles: the one asked for; where it was left free, the path's own, or free first and then
+    each style in turn, in an order that the seed decides."""
+    if wish.style is not None or not session.styles:
+        return [replace(plan, style=wish.style) for plan in made]
+    order = np.random.default_rng(wish.seed).permutation(len(session.styles))
+    turns = [session.styles[i] for i in order]
+    return [
+        plan if i == 0 or plan.style is not None else replace(plan, style=turns[(i - 1) % len(turns)])
+        for i, plan in enumerate(made)
+    ]
