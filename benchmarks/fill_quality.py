@@ -17,7 +17,8 @@ import numpy as np
 from interpose import Motion, io, load_model
 from interpose.evaluate.quality import fill_quality
 from interpose.render import Row, contact_sheet
-from interpose.runtime.inbetween import Request, fill
+from interpose.runtime.inbetween import fill
+from interpose.runtime.request import Request
 
 CLIPS = (
     ("lafan1/obstacles1_subject5.bvh", 1000, 45),

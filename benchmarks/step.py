@@ -28,8 +28,8 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.features import control_shapes, state_shapes
 from interpose.motion import Motion
-from interpose.runtime import feet, inbetween, inertia, rollout, transition
-from interpose.runtime.inbetween import Request
+from interpose.runtime import feet, guidance, inbetween, inertia, rollout, transition
+from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
 from interpose.skeleton import HUMANOID
 
@@ -115,7 +115,8 @@ def parts_timed() -> Iterator[dict[str, float]]:
         ("resampling", transition, "to_user_rate"),
         ("retargeting", retarget, "to_humanoid"),
         ("retargeting", retarget, "from_humanoid"),
-        ("judging the candidates", inbetween, "_judge"),
+        ("judging the candidates", inbetween, "judge"),
+        ("paths: the network's own way and the gallery", guidance, "plans"),
         ("the rest", inbetween, "inbetween"),
     ]
     patches = [mock.patch.object(owner, name, timed(label, getattr(owner, name))) for label, owner, name in watched]
