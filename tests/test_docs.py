@@ -17,7 +17,7 @@ from interpose import cli
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "interpose"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMANDS = {"demo", "info", "fill", "between", "models", "prepare", "train", "export", "evaluate"}
+COMMANDS = {"demo", "info", "fill", "between", "models", "gallery", "prepare", "train", "export", "evaluate"}
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -141,6 +141,11 @@ def test_every_command_line_is_understood(page: Path, monkeypatch: pytest.Monkey
         "cli.develop.train",
         "cli.develop.export",
         "cli.develop.evaluate",
+        "cli.develop.evaluate_gallery",
+        "cli.trajectories.build",
+        "cli.trajectories.query",
+        "cli.trajectories.plot",
+        "cli.trajectories.generate",
         "demo.run.show",
     ):
         monkeypatch.setattr(f"interpose.{work}", lambda *_: 0)
