@@ -1,0 +1,199 @@
+"""A smooth curve through points drawn on the ground, by arc length, with the direction it has.
+
+Through the points goes a centripetal Catmull-Rom spline. One by even parameters swings out wide behind a short leg, one
+by chord length at sharp corners, a cubic spline at both; the centripetal one makes neither loops nor cusps within a leg
+and stays near the polyline (Yuksel, Schaefer and Keyser 2011). Its legs are pulled straight but for a metre on either
+side of a sharp corner. Sampled every 2 cm, it is then smoothed as a discrete smoothing spline does, with both ends
+held: waves shorter than 2 pi * SMOOTH go, so that the tremble of a hand and corners that nobody walks are gone, while
+an arc of half a metre stays where it is to a millimetre or two. Noise makes a line longer than it is, and the smoothing
+is by length, so it is done twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+from scipy.interpolate import CubicSpline
+from scipy.linalg import solveh_banded
+from scipy.ndimage import gaussian_filter1d
+
+from interpose.gallery.paths import ease
+
+GRID = 0.02
+"""Metres between samples, at most."""
+SMOOTH = 0.1
+"""Metres: what is smoothed away, see the module's text."""
+TURNED = 0.12
+"""Metres: the standard deviation of the Gaussian over which the direction is taken; nine tenths of it lie in 0.4 m."""
+ROUND, CORNER = float(np.radians(30.0)), float(np.radians(90.0))
+"""A turn between two legs that is less belongs to a bow, one that is more is a corner."""
+REACH = 1.0
+"""Metres that the direction at a corner reaches into its legs, about."""
+ALONE = 0.3
+"""Metres: a point that is so far from both its neighbours was set by itself, and not drawn in passing."""
+SHORT = 0.02
+"""Metres: a curve that is shorter leads nowhere and has no direction."""
+SAME = 1e-3
+"""Metres: points nearer to the one before them are left out."""
+BLEND = 4.0
+"""A first or last point that is moved onto a key takes with it what lies within so many times the distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve sampled evenly by arc length, to a hair. arc: metres from its start to each sample. heading: the yaw of
+    its direction in radians, unwrapped, smoothed. passed: the arc length at each of the points it was made of."""
+
+    arc: Float[ndarray, "sample"]
+    points: Float[ndarray, "sample 2"]
+    heading: Float[ndarray, "sample"]
+    passed: Float[ndarray, "point"]
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return float(self.arc[-1])
+
+    def at(self, arc: Float[ndarray, "*batch"]) -> Float[ndarray, "*batch 2"]:
+        """The places at some arc lengths."""
+        if self.length < SHORT:
+            share = np.asarray(arc)[..., None] / max(self.length, 1e-12)
+            return self.points[0] + np.clip(share, 0.0, 1.0) * (self.points[-1] - self.points[0])
+        return CubicSpline(self.arc, self.points)(arc)
+
+    def heading_at(self, arc: Float[ndarray, "*batch"]) -> Float[ndarray, "*batch"]:
+        """The direction at some arc lengths, yaw in radians."""
+        return np.asarray(np.interp(arc, self.arc, self.heading))
+
+
+def attached(points: Float[ndarray, "point 2"], place: Float[ndarray, "2"], *, last: bool) -> Float[ndarray, "point 2"]:
+    """The points with their first (or ``last``) moved onto ``place``, and its neighbours along the line with it, less
+    and less, so that a line drawn with many points has no corner there."""
+    if last:
+        return attached(points[::-1], place, last=False)[::-1]
+    away = place - points[0]
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=-1))])
+    reach = max(min(BLEND * float(np.linalg.norm(away)), float(along[-1])), 1e-12)
+    moved = points + (1.0 - ease(along / reach))[:, None] * away
+    moved[0] = place
+    return moved
+
+
+def through(points: Float[ndarray, "point 2"], yaw: float = 0.0) -> Curve:
+    """The smooth curve through two or more points; its ends are exact.
+
+    Points that stand alone are passed within a few centimetres at the sharpest corner, closer elsewhere; of those drawn
+    close together the curve keeps the trend. ``yaw``: the heading where the curve is too short to have one.
+    """
+    made = _through(points, yaw)
+    if len(points) < 3 or made.length < SHORT:
+        return made
+    legs = np.linalg.norm(np.diff(points, axis=0), axis=-1)
+    missed = points[1:-1] - made.at(made.passed[1:-1])
+    missed[np.minimum(legs[:-1], legs[1:]) < ALONE] = 0.0
+    if np.abs(missed).max() < GRID / 4.0:
+        return made
+    # Smoothing cuts corners: aim as far beyond them as they were missed.
+    aimed = points.copy()
+    aimed[1:-1] += missed
+    return _through(aimed, yaw)
+
+
+def _through(points: Float[ndarray, "point 2"], yaw: float) -> Curve:
+    along = _lengths(points)
+    if along[-1] < SHORT:
+        return Curve(along[[0, -1]], points[[0, -1]], np.full(2, yaw), along)
+    new = np.append(True, np.diff(along) > SAME)
+    last = points[-1]
+    points = points[new]
+    points[-1] = last
+    # Fine enough that every leg is sampled, then evenly by length.
+    each = np.maximum(np.ceil(2.0 / GRID * np.linalg.norm(np.diff(points, axis=0), axis=-1)), 4).astype(int)
+    line = _spline(points, each)
+    passed = np.concatenate([[0], np.cumsum(each)]).astype(float)  # as places in `line`
+    for _ in range(2):
+        along = _lengths(line)
+        count = max(int(np.ceil(along[-1] / GRID)), 8)
+        even = np.linspace(0.0, along[-1], count + 1)
+        passed = np.interp(np.interp(passed, np.arange(len(line)), along), even, np.arange(count + 1))
+        line = np.stack([np.interp(even, along, line[:, c]) for c in (0, 1)], axis=-1)
+        line = smoothed(line, SMOOTH / float(even[1]))
+    arc = _lengths(line)
+    passed = np.interp(passed, np.arange(len(line)), arc)[np.cumsum(new) - 1]
+    apart = np.append(True, np.diff(arc) > 1e-9)  # where a line turns back on itself two samples may be one place
+    return Curve(arc[apart], line[apart], _headings(arc, line, yaw)[apart], passed)
+
+
+def smoothed(values: Float[ndarray, "sample *rest"], width: float) -> Float[ndarray, "sample *rest"]:
+    """Evenly spaced values less their waves of up to 2 pi * ``width`` samples; the first and the last stay.
+
+    What minimises the sum of squared changes and width^4 times that of squared second differences.
+    """
+    count = len(values)
+    if count < 4:
+        return values.copy()
+    weight = np.ones(count)
+    weight[[0, -1]] = 1e8
+    second = np.zeros((3, count))  # D^T D for second differences, upper bands
+    for a, b, product in ((0, 0, 1), (1, 1, 4), (2, 2, 1), (0, 1, -2), (1, 2, -2), (0, 2, 1)):
+        second[2 - (b - a), b : count - 2 + b] += product
+    bands = width**4 * second
+    bands[2] += weight
+    made = solveh_banded(bands, (weight * values.T).T)
+    made[0], made[-1] = values[0], values[-1]
+    return made
+
+
+def gaussian(values: Float[ndarray, "sample *rest"], deviation: float) -> Float[ndarray, "sample *rest"]:
+    """Values smoothed by a Gaussian of so many samples, turned about the ends so that those stay as they are."""
+    pad = min(int(np.ceil(4.0 * deviation)), len(values) - 1)
+    if pad < 1:
+        return values.copy()
+    wide = np.pad(values, [(pad, pad)] + [(0, 0)] * (values.ndim - 1), mode="reflect", reflect_type="odd")
+    return gaussian_filter1d(wide, deviation, axis=0, mode="nearest")[pad:-pad]
+
+
+def _spline(points: Float[ndarray, "point 2"], each: Int[ndarray, "leg"]) -> Float[ndarray, "sample 2"]:
+    """The spline through points, ``each`` leg sampled so often, and the last point."""
+    legs = np.diff(points, axis=0)
+    wide = np.sqrt(np.linalg.norm(legs, axis=-1))[:, None]
+    slope = legs / wide
+    # The slope of the parabola through each point and its two neighbours: Catmull-Rom's for uneven knots. At the ends
+    # half-way between the leg and the parabola, so that the curve does not aim far past the neighbour.
+    inner = (slope[:-1] * wide[1:] + slope[1:] * wide[:-1]) / (wide[:-1] + wide[1:])
+    ends = (1.5 * slope[:1] - 0.5 * inner[:1], 1.5 * slope[-1:] - 0.5 * inner[-1:]) if len(inner) else (slope, slope)
+    slopes = np.concatenate([ends[0], inner, ends[1]])
+    angle = np.abs(np.diff(np.unwrap(np.arctan2(legs[:, 0], legs[:, 1]))))
+    sharp = ease((np.concatenate([[0.0], angle, [0.0]]) - ROUND) / (CORNER - ROUND))[:, None]
+    tangents = []
+    for at in (slopes[:-1] * wide, slopes[1:] * wide):
+        reach = np.minimum(1.0, REACH / np.maximum(np.linalg.norm(at, axis=-1, keepdims=True), 1e-12))
+        tangents.append(at * (1.0 - (sharp[:-1] if not tangents else sharp[1:]) * (1.0 - reach)))
+    leg = np.repeat(np.arange(len(legs)), each)
+    u = (np.arange(len(leg)) - np.repeat(np.cumsum(each) - each, each))[:, None] / each[leg][:, None]
+    made = (
+        points[leg] * (1.0 + 2.0 * u) * (1.0 - u) ** 2
+        + points[leg + 1] * (3.0 - 2.0 * u) * u**2
+        + tangents[0][leg] * u * (1.0 - u) ** 2
+        + tangents[1][leg] * (u - 1.0) * u**2
+    )
+    return np.concatenate([made, points[-1:]])
+
+
+def _lengths(line: Float[ndarray, "sample 2"]) -> Float[ndarray, "sample"]:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=-1))])
+
+
+def _headings(arc: Float[ndarray, "sample"], line: Float[ndarray, "sample 2"], yaw: float) -> Float[ndarray, "sample"]:
+    legs = np.diff(line, axis=0)
+    moving = np.linalg.norm(legs, axis=-1) > 1e-9
+    if not moving.any():
+        return np.full(len(line), yaw)
+    middles = (arc[:-1] + arc[1:])[moving] / 2.0
+    angle = np.unwrap(np.arctan2(legs[moving, 0], legs[moving, 1]))
+    even = np.linspace(0.0, arc[-1], len(arc))
+    smooth = gaussian(np.interp(even, middles, angle), TURNED / max(float(even[1]), 1e-9))
+    return np.interp(arc, even, smooth)

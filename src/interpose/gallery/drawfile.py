@@ -1,0 +1,250 @@
+"""A line that a user drew on the ground for the root to follow, as its JSON file says it (docs/paths.md).
+
+    {"points": [[x, z], ...], "times": [s, ...], "facing": "path" | [[x, z], ...] | [degrees, ...]}
+    {"gaps": [{"start": frame, "target": frame, "points": ..., ...}, ...]}
+
+`times`, `facing` and `target` may be left out. What a file says is checked here to the last number; whether it fits the
+keys of a gap is seen where it is followed, in `drawn`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.io.files import read_whole
+
+LARGEST = 16 * 1024 * 1024
+"""Bytes of a file at most."""
+MOST_POINTS = 10_000
+FARTHEST = 1e4
+"""The largest number that a coordinate (metres), time (seconds) or angle (degrees) may have."""
+SAME = 1e-6
+"""Metres: points nearer to one another are one."""
+_FIELDS = ("points", "times", "facing")
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A line on the ground. points: x, z in metres. times: seconds from the start key at which each point is passed,
+    ascending, or None. facing: yaw at each point in radians, unwrapped, or None to face along the line."""
+
+    points: Float[ndarray, "point 2"]
+    times: Float[ndarray, "point"] | None = None
+    facing: Float[ndarray, "point"] | None = None
+
+    def scaled(self, scale: float) -> Drawn:
+        """The line for a rig that is ``scale`` times as large; times and facings stay."""
+        return Drawn(self.points * scale, self.times, self.facing)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFile:
+    """What a file says: one line for any gap (``whole``), or lines by their gaps' start keys (``gaps``).
+
+    targets: the target keys that the file names, by start key. name: the file's, for messages.
+    """
+
+    whole: Drawn | None
+    gaps: dict[int, Drawn]
+    targets: dict[int, int] = field(default_factory=dict)
+    name: str = "the drawn path"
+
+    def of(self, start: int, target: int) -> Drawn | None:
+        """The line of the gap between two keys, None where the file has none for it.
+
+        Raises InputError where the file has the gap end at another key.
+        """
+        if self.whole is not None:
+            return self.whole
+        said = self.targets.get(start, target)
+        if said != target:
+            raise InputError(
+                f"{self.name}: the gap that starts at key {start} has target {said}, but the next key is {target}; "
+                f"correct the target or leave it out"
+            )
+        return self.gaps.get(start)
+
+    def check(self, gaps: list[tuple[int, int]]) -> None:
+        """Raises InputError where the file does not fit the gaps (start, target) of a clip: a gap that is none, another
+        target, or one line for several gaps."""
+        starts = [start for start, _ in gaps]
+        if self.whole is not None and len(gaps) > 1:
+            raise InputError(
+                f"{self.name} has one line, but there are {len(gaps)} gaps; give "
+                f'{{"gaps": [{{"start": {starts[0]}, "points": ...}}, ...]}}'
+            )
+        for start in self.gaps:
+            if start not in starts:
+                known = ", ".join(map(str, starts[:20])) + (", …" if len(starts) > 20 else "")
+                raise InputError(f"{self.name}: no gap starts at frame {start}; gaps start at {known}")
+        for start, target in gaps:
+            self.of(start, target)
+
+
+def read(path: Path) -> DrawnFile:
+    """The line or lines of a JSON file.
+
+    Raises InputError, naming the file and the place in it, for anything but the schema of the module's text with 1 to
+    10,000 points a line, all numbers finite and at most 10,000.
+    """
+    held = _parsed(path)
+    if not isinstance(held, dict):
+        raise InputError(f'{path} is {_shown(held)}; give an object, {{"points": [[x, z], ...]}}')
+    if "gaps" not in held:
+        return DrawnFile(_line(held, f"{path}: ", _FIELDS), {}, name=str(path))
+    _known(held, f"{path}: ", ("gaps",))
+    entries = held["gaps"]
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path}: gaps is {_shown(entries)}; give a list of at least one gap")
+    gaps: dict[int, Drawn] = {}
+    targets: dict[int, int] = {}
+    for i, entry in enumerate(entries):
+        place = f"{path}: gaps[{i}]"
+        if not isinstance(entry, dict):
+            raise InputError(f'{place} is {_shown(entry)}; give an object, {{"start": 0, "points": [[x, z], ...]}}')
+        if "start" not in entry:
+            raise InputError(f"{place} has no start; give the key frame that the gap starts at")
+        line = _line(entry, f"{place}.", ("start", "target", *_FIELDS))
+        start = _frame(entry["start"], f"{place}.start")
+        if start in gaps:
+            raise InputError(f"{place}: the gap that starts at key {start} is given twice; leave one out")
+        if entry.get("target") is not None:
+            targets[start] = _frame(entry["target"], f"{place}.target")
+            if targets[start] <= start:
+                raise InputError(f"{place}: target {targets[start]} does not come after start {start}; correct one")
+        gaps[start] = line
+    return DrawnFile(None, gaps, targets, str(path))
+
+
+def of_points(points: Any) -> DrawnFile:
+    """A line for any gap from points (x, z) in metres, rows of an array or of lists. Raises InputError as `read`."""
+    held = points.tolist() if isinstance(points, ndarray) else [list(point) for point in points]
+    return DrawnFile(_line({"points": held}, "the path's ", _FIELDS), {}, name="the path")
+
+
+def _parsed(path: Path) -> Any:
+    data = read_whole(path, LARGEST)
+
+    def refused(constant: str) -> NoReturn:
+        raise InputError(f"{path} holds {constant}; give finite numbers")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        made = dict(pairs)
+        if len(made) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"{path} has the field {_shown(twice)} twice in one object; leave one out")
+        return made
+
+    try:
+        return json.loads(data.decode("utf-8-sig"), parse_constant=refused, object_pairs_hook=unique)
+    except InputError:
+        raise
+    except RecursionError:
+        raise InputError(f'{path} is nested too deeply; give {{"points": [[x, z], ...]}}') from None
+    except ValueError as error:
+        raise InputError(f'{path} is not JSON ({error}); give {{"points": [[x, z], ...]}}') from None
+
+
+def _line(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> Drawn:
+    """One line from an object; ``place`` is what its fields' names are put behind in messages."""
+    _known(held, place, fields)
+    points = held.get("points")
+    if not isinstance(points, list) or not points:
+        said = "there are no points" if points is None else f"points is {_shown(points)}"
+        raise InputError(f"{place}{said}; give a list of at least one, [[x, z], ...] in metres")
+    if len(points) > MOST_POINTS:
+        raise InputError(f"{place}points has {len(points)} points; give {MOST_POINTS} at most")
+    line = np.array([_pair(point, f"{place}points[{i}]") for i, point in enumerate(points)])
+    apart = np.linalg.norm(np.diff(line, axis=0), axis=-1)
+    if len(apart) and apart.min() < SAME:
+        at = int(np.argmin(apart))
+        raise InputError(f"{place}points[{at + 1}] repeats the point before it, {points[at + 1]}; leave one out")
+    times = None if held.get("times") is None else _times(held["times"], f"{place}times", len(line))
+    facing = None if held.get("facing") is None else _facing(held["facing"], f"{place}facing", len(line))
+    return Drawn(line, times, facing)
+
+
+def _times(held: Any, place: str, count: int) -> Float[ndarray, "point"]:
+    listed = _one_a_point(held, place, count, "seconds from the start key")
+    times = np.array([_number(value, f"{place}[{i}]") for i, value in enumerate(listed)])
+    if times[0] < 0.0:
+        raise InputError(f"{place}[0] is {times[0]:g}, before the start key; give seconds from it, 0 or more")
+    wrong = np.nonzero(np.diff(times) <= 0.0)[0]
+    if len(wrong):
+        at = int(wrong[0]) + 1
+        raise InputError(f"{place}[{at}] is {times[at]:g}, not after {times[at - 1]:g} before it; give ascending times")
+    return times
+
+
+def _facing(held: Any, place: str, count: int) -> Float[ndarray, "point"] | None:
+    if held == "path":
+        return None
+    if isinstance(held, str):
+        raise InputError(f'{place} is {_shown(held)}; give "path", or one direction [x, z] or angle a point')
+    listed = _one_a_point(held, place, count, "a direction [x, z] or degrees")
+    if not isinstance(listed[0], list):
+        degrees = np.array([_number(value, f"{place}[{i}]") for i, value in enumerate(listed)])
+        return np.unwrap(np.radians(degrees))
+    ways = np.array([_pair(value, f"{place}[{i}]") for i, value in enumerate(listed)])
+    none = np.nonzero(np.linalg.norm(ways, axis=-1) < SAME)[0]
+    if len(none):
+        raise InputError(f"{place}[{none[0]}] is {listed[none[0]]}, which is no direction; give one that is not zero")
+    return np.unwrap(np.arctan2(ways[:, 0], ways[:, 1]))
+
+
+def _known(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> None:
+    unknown = [name for name in held if name not in fields]
+    if unknown:
+        raise InputError(f"{place}unknown field {_shown(unknown[0])}; the fields are {', '.join(fields)}")
+
+
+def _one_a_point(held: Any, place: str, count: int, what: str) -> list[Any]:
+    if not isinstance(held, list):
+        raise InputError(f"{place} is {_shown(held)}; give a list, {what}, one a point")
+    if len(held) != count:
+        raise InputError(f"{place} has {len(held)} entries for {count} points; give one a point")
+    return held
+
+
+def _pair(held: Any, place: str) -> tuple[float, float]:
+    if not isinstance(held, list) or len(held) != 2:
+        raise InputError(f"{place} is {_shown(held)}; give two numbers, [x, z]")
+    return _number(held[0], f"{place}[0]"), _number(held[1], f"{place}[1]")
+
+
+def _number(held: Any, place: str) -> float:
+    if isinstance(held, bool) or not isinstance(held, int | float):
+        raise InputError(f"{place} is {_shown(held)}; give a number")
+    if isinstance(held, float) and not math.isfinite(held):
+        raise InputError(f"{place} is not finite; give a finite number")
+    if abs(held) > FARTHEST:
+        raise InputError(
+            f"{place} is {_shown(held)}; give a number of {FARTHEST:.0f} at most (metres, seconds, degrees)"
+        )
+    return float(held)
+
+
+def _frame(held: Any, place: str) -> int:
+    if isinstance(held, bool) or not isinstance(held, int) or held < 0:
+        raise InputError(f"{place} is {_shown(held)}; give the number of a key frame, 0 or more")
+    return held
+
+
+def _shown(held: Any) -> str:
+    """What was found, short enough for a message."""
+    if isinstance(held, dict):
+        return "an object"
+    if isinstance(held, list) and (len(held) > 5 or any(isinstance(one, list | dict) for one in held)):
+        return f"a list of {len(held)}"
+    text = json.dumps(held)
+    return text if len(text) <= 40 else f"{text[:39]}…"
