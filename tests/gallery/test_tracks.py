@@ -1,5 +1,7 @@
 """Tracks and postures of motions, and the clips they come in."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from gallery.walks import RATE, even, motion_along, moved, tracks_of, wander
@@ -10,6 +12,7 @@ from strategies import humanoid_motions
 from interpose import rotation
 from interpose.data import database
 from interpose.data.database import ClipArrays, ClipInfo
+from interpose.errors import InputError
 from interpose.gallery.tracks import (
     POINTS,
     POSTURE,
@@ -18,6 +21,7 @@ from interpose.gallery.tracks import (
     mirror_posture,
     posture_distance,
     posture_of,
+    sound,
     track_of,
 )
 from interpose.motion import Motion, mirror
@@ -34,7 +38,7 @@ def elsewhere(motion, angle, x, z):
     q = rotation.from_rotation_vector(np.array([0.0, angle, 0.0]))
     turned = motion.local_rotations.copy()
     turned[:, 0] = rotation.multiply(np.broadcast_to(q, turned[:, 0].shape), turned[:, 0])
-    return Motion(HUMANOID, rotation.rotate(q, motion.root_positions) + [x, 0.0, z], turned, RATE)
+    return Motion(HUMANOID, rotation.rotate(q, motion.root_positions) + np.array([x, 0.0, z]), turned, RATE)
 
 
 def test_the_track_of_a_motion_is_where_its_hips_stand_and_face():
@@ -147,3 +151,38 @@ def test_ranges_of_a_database_keep_the_styles_of_their_clips(data):
     assert tracks.styles == told.styles == ("x", "y")
     for name in ("root", "posture", "ranges", "clip_styles"):
         np.testing.assert_array_equal(getattr(tracks, name), getattr(told, name))
+
+
+@pytest.mark.parametrize("change", ["place", "yaw", "outlier"])
+def test_a_track_is_cut_where_it_jumps(change):
+    track = wander(200, 3)
+    assert sound(track) == [(0, 200)]
+    if change == "place":
+        track[80:, :2] += 0.5
+    elif change == "yaw":
+        track[80:, 2] += 2.0
+    else:
+        track[80, 0] += 0.3
+    ranges = sound(track)
+    assert all(b <= c for (_, b), (c, _) in pairwise(ranges))
+    assert (ranges[0][0], ranges[-1][1]) == (0, 200)
+    assert 75 < ranges[0][1] <= 80 <= ranges[-1][0] < 85
+    for start, stop in ranges:
+        assert sound(track[start:stop]) == [(0, stop - start)]
+
+
+def test_a_motion_that_jumps_becomes_clips_of_its_own():
+    track = wander(100, 3)
+    track[60:, :2] += 3.0
+    tracks = from_motions([motion_along(even(30)), motion_along(track)], ["Young", "Old"])
+    assert len(tracks.ranges) == len(tracks.clip_styles) == 3
+    assert tracks.clip_styles.tolist() == [1, 0, 0]
+    np.testing.assert_array_equal(tracks.root[tracks.ranges[:, 0], :2], 0.0)
+    np.testing.assert_array_equal(tracks.ranges[1:, 0], tracks.ranges[:-1, 1])
+    assert tracks.ranges[-1, 1] == len(tracks) == len(tracks.posture)
+    assert np.abs(np.diff(tracks.cut(30, 50, False)[:, :2], axis=0)).max() < 0.2
+
+
+def test_motions_of_one_frame_each_make_no_tracks():
+    with pytest.raises(InputError, match="no clip"):
+        from_motions([motion_along(even(1))], ["walk"])

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
@@ -26,10 +26,13 @@ FADE = 15
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """The stages of figure 6: as a window lies in the gallery, turned and scaled onto the query, and finished."""
+    """The stages of figure 6: as windows lie in the gallery, turned and scaled onto the query, and finished.
 
-    found: Float[ndarray, "time 3"]
-    turned: Float[ndarray, "time 3"]
+    Before the last a frame in which two windows meet is there twice.
+    """
+
+    found: Float[ndarray, "cut 3"]
+    turned: Float[ndarray, "cut 3"]
     placed: Float[ndarray, "time 3"]
 
 
@@ -45,8 +48,9 @@ def stages(tracks: Tracks, trace: Trace, query: Query) -> Steps:
     scale = 1.0 if query.in_place else query.distance / sum(lengths)
     turned, at = [], np.array(query.start[:2])
     for cut in cuts:
-        own = query_of(cut)
-        turned.append(turn(cut, query.heading - (cut[0, 2] if query.in_place else own.heading), scale, at))
+        way = cut[-1] - cut[0]  # of a window that is shorter than what counts as a way, too
+        heading = cut[0, 2] if query.in_place else np.arctan2(way[0], way[1])
+        turned.append(turn(cut, float(query.heading - heading), scale, at))
         at = turned[-1][-1, :2]
     whole = turned[0]
     for part in turned[1:]:
@@ -85,7 +89,7 @@ def join(a: Float[ndarray, "before 3"], b: Float[ndarray, "after 3"]) -> Float[n
     return np.concatenate([a, b[1:]])
 
 
-def _kick(frames: Float[ndarray, "time"], fade: int) -> Float[ndarray, "time"]:
+def _kick(frames: Int[ndarray, "time"], fade: int) -> Float[ndarray, "time"]:
     """0 at the join, 1 one frame away from it, gone after ``fade`` frames, with its slope."""
     share = frames * np.maximum(1.0 - frames / fade, 0.0) ** 2
     return share / max((1.0 - 1.0 / fade) ** 2, 1e-9) if fade > 1 else np.zeros(len(frames))

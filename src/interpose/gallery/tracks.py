@@ -21,6 +21,7 @@ from numpy import ndarray
 
 from interpose.data.database import Database
 from interpose.data.root import pose_yaw
+from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
@@ -117,12 +118,15 @@ def from_database(database: Database, ranges: list[tuple[int, int]] | None = Non
 def from_motions(motions: list[Motion], styles: list[str]) -> Tracks:
     """The tracks of motions of the 22 joints at 30 Hz, each with its style. Each begins at the origin of the ground.
 
-    A motion whose root jumps is cut there, into clips of their own; see :func:`sound`.
+    A motion whose root jumps is cut there, into clips of their own; see :func:`sound`. Raises InputError where none of
+    two frames is left.
     """
-    names = tuple(sorted(set(styles)))
     whole = [(motion, style, sound(track_of(motion))) for motion, style in zip(motions, styles, strict=True)]
     motions = [motion[a:b] for motion, _, ranges in whole for a, b in ranges]
     styles = [style for _, style, ranges in whole for _ in ranges]
+    if not motions:
+        raise InputError("no clip has two frames without a jump between them; a gallery needs longer ones")
+    names = tuple(sorted(set(styles)))
     tracks = [track_of(motion) for motion in motions]
     lengths = np.array([len(track) for track in tracks], dtype=np.int64)
     stops = np.cumsum(lengths)
