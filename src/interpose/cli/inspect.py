@@ -86,4 +86,6 @@ def models(as_json: bool) -> int:
         print(f"  trained on  {', '.join(told.get('training_data') or ['unknown data'])}")
         print(f"  licence     {told['licence']}")
         print(f"  styles      {', '.join(one.styles) or 'none'}")
+        gallery = told.get("gallery")
+        print(f"  gallery     {gallery['made_from'] if gallery else 'none'}")
     return 0
