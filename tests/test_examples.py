@@ -13,6 +13,7 @@ from commandline import bvh_text
 
 import interpose
 from interpose.features import state_shapes
+from interpose.gallery.store import save
 from interpose.rotation import IDENTITY, from_rotation_vector
 from interpose.runtime.rollout import generate_batch
 from interpose.runtime.session import Session, installed, load
@@ -83,3 +84,16 @@ def test_game_loop(run, tmp_path):
     assert "121 poses" in run("03_game_loop.py")
     walked = interpose.read(tmp_path / "loop.bvh")
     np.testing.assert_allclose(walked.root_positions[-1, ::2], [2.2, 2.0], atol=1e-3)
+
+
+def test_paths_and_speeds(run, tmp_path):
+    if not (installed() and load(None).gallery):
+        pytest.skip("needs an installed model with a gallery, and there is none in the package")
+    gallery = tmp_path / "gallery"
+    save(load(None).gallery, gallery)
+    said = run("05_paths_and_speeds.py", "--gallery", str(gallery)).splitlines()
+    assert "frames suggested" in said[0]
+    frames = {line.split(":")[0]: int(line.split(": ")[1].split()[0]) for line in said[1:]}
+    assert frames["fast"] < frames["slow"]
+    assert frames["an S"] > frames["straight on"]
+    assert (tmp_path / "paths.png").stat().st_size > 10_000
