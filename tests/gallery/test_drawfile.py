@@ -92,7 +92,9 @@ def test_gaps_that_do_not_fit_the_keys(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has one line, but there are 2 gaps"):
         one.check([(0, 45), (45, 90)])
     file = read(written(tmp_path, {"gaps": [{"start": 0, "target": 45, "points": [[0, 1]]}]}))
-    with pytest.raises(InputError, match=r"way\.json: the gap that starts at key 0 has target 45, but the next key is 50"):
+    with pytest.raises(
+        InputError, match=r"way\.json: the gap that starts at key 0 has target 45, but the next key is 50"
+    ):
         file.of(0, 50)
     with pytest.raises(InputError, match="no gap starts at frame 0; gaps start at 5, 45"):
         file.check([(5, 45), (45, 90)])
@@ -206,10 +208,8 @@ def test_any_json_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, h
     try:
         file = read(path)
     except InputError as error:
-        assert str(path) in str(error)
-        str(error).encode()
+        well = str(error).encode().startswith(str(path).encode())
     else:
         lines = [line for line in (file.whole, *file.gaps.values()) if line is not None]
-        assert lines
-        for line in lines:
-            assert np.isfinite(line.points).all()
+        well = len(lines) > 0 and all(np.isfinite(line.points).all() for line in lines)
+    assert well

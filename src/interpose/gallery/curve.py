@@ -3,10 +3,10 @@
 Through the points goes a centripetal Catmull-Rom spline. One by even parameters swings out wide behind a short leg, one
 by chord length at sharp corners, a cubic spline at both; the centripetal one makes neither loops nor cusps within a leg
 and stays near the polyline (Yuksel, Schaefer and Keyser 2011). Its legs are pulled straight but for a metre on either
-side of a sharp corner. Sampled every 2 cm, it is then smoothed as a discrete smoothing spline does, with both ends
+side of a sharp corner. Sampled every centimetre, it is then smoothed as a discrete smoothing spline does, both ends
 held: waves shorter than 2 pi * SMOOTH go, so that the tremble of a hand and corners that nobody walks are gone, while
-an arc of half a metre stays where it is to a millimetre or two. Noise makes a line longer than it is, and the smoothing
-is by length, so it is done twice.
+an arc of half a metre stays where it is to a millimetre or two, and near its ends to a centimetre. Noise makes a line
+longer than it is, and the smoothing is by length, so it is done twice.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from interpose.gallery.paths import ease
 
-GRID = 0.02
+GRID = 0.01
 """Metres between samples, at most."""
 SMOOTH = 0.1
 """Metres: what is smoothed away, see the module's text."""
@@ -37,7 +37,7 @@ ALONE = 0.3
 SHORT = 0.02
 """Metres: a curve that is shorter leads nowhere and has no direction."""
 SAME = 1e-3
-"""Metres: points nearer to the one before them are left out."""
+"""Metres of a line in which one point is enough."""
 BLEND = 4.0
 """A first or last point that is moved onto a key takes with it what lies within so many times the distance."""
 
@@ -94,7 +94,7 @@ def through(points: Float[ndarray, "point 2"], yaw: float = 0.0) -> Curve:
     legs = np.linalg.norm(np.diff(points, axis=0), axis=-1)
     missed = points[1:-1] - made.at(made.passed[1:-1])
     missed[np.minimum(legs[:-1], legs[1:]) < ALONE] = 0.0
-    if np.abs(missed).max() < GRID / 4.0:
+    if np.abs(missed).max() < 0.005:
         return made
     # Smoothing cuts corners: aim as far beyond them as they were missed.
     aimed = points.copy()
@@ -106,12 +106,13 @@ def _through(points: Float[ndarray, "point 2"], yaw: float) -> Curve:
     along = _lengths(points)
     if along[-1] < SHORT:
         return Curve(along[[0, -1]], points[[0, -1]], np.full(2, yaw), along)
-    new = np.append(True, np.diff(along) > SAME)
+    new = np.append(True, np.diff(np.floor(along / SAME)) > 0.0)
     last = points[-1]
     points = points[new]
     points[-1] = last
     # Fine enough that every leg is sampled, then evenly by length.
-    each = np.maximum(np.ceil(2.0 / GRID * np.linalg.norm(np.diff(points, axis=0), axis=-1)), 4).astype(int)
+    legs = np.linalg.norm(np.diff(points, axis=0), axis=-1)
+    each = np.maximum(np.ceil(2.0 / GRID * legs), 4).astype(int)
     line = _spline(points, each)
     passed = np.concatenate([[0], np.cumsum(each)]).astype(float)  # as places in `line`
     for _ in range(2):
@@ -149,9 +150,9 @@ def smoothed(values: Float[ndarray, "sample *rest"], width: float) -> Float[ndar
 
 def gaussian(values: Float[ndarray, "sample *rest"], deviation: float) -> Float[ndarray, "sample *rest"]:
     """Values smoothed by a Gaussian of so many samples, turned about the ends so that those stay as they are."""
-    pad = min(int(np.ceil(4.0 * deviation)), len(values) - 1)
-    if pad < 1:
+    if len(values) < 3:
         return values.copy()
+    pad = int(np.ceil(4.0 * deviation)) + 1
     wide = np.pad(values, [(pad, pad)] + [(0, 0)] * (values.ndim - 1), mode="reflect", reflect_type="odd")
     return gaussian_filter1d(wide, deviation, axis=0, mode="nearest")[pad:-pad]
 
@@ -159,15 +160,18 @@ def gaussian(values: Float[ndarray, "sample *rest"], deviation: float) -> Float[
 def _spline(points: Float[ndarray, "point 2"], each: Int[ndarray, "leg"]) -> Float[ndarray, "sample 2"]:
     """The spline through points, ``each`` leg sampled so often, and the last point."""
     legs = np.diff(points, axis=0)
-    wide = np.sqrt(np.linalg.norm(legs, axis=-1))[:, None]
+    wide = np.sqrt(np.maximum(np.linalg.norm(legs, axis=-1), 1e-9))[:, None]
     slope = legs / wide
+    angle = np.abs(np.diff(np.unwrap(np.arctan2(legs[:, 0], legs[:, 1]))))
+    sharp = ease((np.concatenate([[0.0], angle, [0.0]]) - ROUND) / (CORNER - ROUND))[:, None]
     # The slope of the parabola through each point and its two neighbours: Catmull-Rom's for uneven knots. At the ends
     # half-way between the leg and the parabola, so that the curve does not aim far past the neighbour.
     inner = (slope[:-1] * wide[1:] + slope[1:] * wide[:-1]) / (wide[:-1] + wide[1:])
-    ends = (1.5 * slope[:1] - 0.5 * inner[:1], 1.5 * slope[-1:] - 0.5 * inner[-1:]) if len(inner) else (slope, slope)
-    slopes = np.concatenate([ends[0], inner, ends[1]])
-    angle = np.abs(np.diff(np.unwrap(np.arctan2(legs[:, 0], legs[:, 1]))))
-    sharp = ease((np.concatenate([[0.0], angle, [0.0]]) - ROUND) / (CORNER - ROUND))[:, None]
+    first, last = slope[:1], slope[-1:]
+    if len(inner):
+        first = first + 0.5 * (1.0 - sharp[1]) * (first - inner[:1])
+        last = last + 0.5 * (1.0 - sharp[-2]) * (last - inner[-1:])
+    slopes = np.concatenate([first, inner, last])
     tangents = []
     for at in (slopes[:-1] * wide, slopes[1:] * wide):
         reach = np.minimum(1.0, REACH / np.maximum(np.linalg.norm(at, axis=-1, keepdims=True), 1e-12))

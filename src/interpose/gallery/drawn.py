@@ -20,7 +20,7 @@ from interpose.errors import InputError
 from interpose.gallery import curve as curves
 from interpose.gallery import pacing, paths
 from interpose.gallery.curve import SHORT, TURNED, Curve, gaussian
-from interpose.gallery.drawfile import Drawn, DrawnFile, read
+from interpose.gallery.drawfile import Drawn
 from interpose.gallery.matching import Query
 from interpose.gallery.pacing import Progress
 from interpose.gallery.paths import ease
@@ -80,7 +80,7 @@ def follow(
     if line.times is not None:
         progress = _timed(line, line.times)
     else:
-        facing = offset.before(line.curve, query) if given is None else given
+        facing = offset.before(line.curve) if given is None else given
         progress = _paced(gallery, line.curve, facing, query, asked, ends, seed)
     steps = _steps(asked, progress)
     arc = progress.sampled(steps)
@@ -122,14 +122,14 @@ def _line(drawn: Drawn, query: Query) -> _Line:
 
 
 def _timed(line: _Line, times: Float[ndarray, "point"]) -> Progress:
-    """Progress by the line's own times; on to the target, where the last point is not there, at the mean pace."""
+    """Progress by the line's own times; where the last point is not at the target, on to that at the mean pace."""
     passed, length = line.passed, line.curve.length
     if not line.to_target:
         moving = times[-1] - (times[0] if line.from_start else 0.0)
         if moving <= 0.0 or passed[-1] < SHORT:
             raise InputError(
-                "the drawn path's times do not say how fast it goes to the target; give a last point within "
-                f"{JOIN} m of the target with its time, or leave out the times"
+                f"the drawn path's times do not say how fast it goes to the target; give a last point within {JOIN} m "
+                f"of the target with its time, or leave out the times"
             )
         times = np.append(times, times[-1] + (length - passed[-1]) / passed[-1] * moving)
         passed = np.append(passed, length)
@@ -203,12 +203,13 @@ class _Offset:
         # Each end is reached the shorter way from the way's own.
         return _Offset(way + _wrapped(a - way), way, way + _wrapped(b - way))
 
-    def before(self, curve: Curve, query: Query) -> Float[ndarray, "sample"]:
+    def before(self, curve: Curve) -> Float[ndarray, "sample"]:
         """The facing at the samples of a curve, before it is known how fast it is walked."""
         if self.way is None:
             share = ease(curve.arc / max(curve.length, 1e-12))
-            return curve.heading + self.start + share * (self.target - self.start)
-        facing = curve.heading + self.way
+            facing = curve.heading + self.start + share * (self.target - self.start)
+        else:
+            facing = curve.heading + self.way
         facing[[0, -1]] = curve.heading[0] + self.start, curve.heading[-1] + self.target
         return facing
 
@@ -279,6 +280,3 @@ def _check_speed(path: Float[ndarray, "time 3"]) -> None:
 
 def _wrapped(angle: float) -> float:
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-__all__ = ["Drawn", "DrawnFile", "follow", "read"]

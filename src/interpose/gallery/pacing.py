@@ -38,6 +38,10 @@ LIKE_LENGTH = 0.15
 """The logarithm of a window's own length over the piece's that counts as one unit of deviation (`Costs`)."""
 ANY_FACING = replace(matching.DEFAULT, threshold=2.0 * np.pi, tolerance=0.1)
 """Where nothing fits, how a piece is walked whichever way one faces."""
+SWAY = 1.2
+"""How many times as long as a piece a window may be before it counts as a longer way, for hips sway."""
+UNLIKE = 0.5
+"""The logarithm of the windows' own length over the piece's at which its pace is little trusted beside the others'."""
 LEAST_SHARE = 0.05
 """Of the mean speed of a piece, what it is at least everywhere in it."""
 TURNING = 4.5
@@ -75,6 +79,7 @@ class _Walk:
     slow: float
     haste: float
     profile: Float[ndarray, "leg"]
+    trust: float
 
 
 def by_gallery(
@@ -100,9 +105,10 @@ def by_gallery(
         return evenly(curve, walks[0].seconds / walks[0].haste)
     asked_for = np.array(sorted(walks))
     middles = curve.arc[cuts][:-1] + lengths / 2.0
-    near = np.exp(-0.5 * np.square((middles[:, None] - middles[asked_for]) / ALONG)) * lengths[asked_for] + 1e-300
+    trusted = lengths[asked_for] * [walks[piece].trust for piece in asked_for]
+    near = (np.exp(-0.5 * np.square((middles[:, None] - middles[asked_for]) / ALONG)) + 1e-12) * trusted
     slow = np.average(np.tile([walks[piece].slow for piece in asked_for], (last + 1, 1)), axis=1, weights=near)
-    haste = np.exp(np.average(np.log([walks[piece].haste for piece in asked_for]), weights=lengths[asked_for]))
+    haste = np.exp(np.average(np.log([walks[piece].haste for piece in asked_for]), weights=trusted))
     at = (curve.arc[:-1] + curve.arc[1:]) / 2.0
     profiles = {piece: walks[piece].profile for piece in {0, last} & walks.keys()}
     seconds = np.diff(curve.arc) * np.interp(at, middles, slow) * _slowness(at, curve.arc[cuts], profiles)
@@ -193,10 +199,12 @@ def _walk(
     weights = _weights(gallery, pool, own, length, ends, outer)
     told = suggest(pool.found.steps, weights)
     steps = told.steps if speed is None else group_of(told, speed).steps
-    walked = min(length, float(np.exp(np.average(np.log(own), weights=weights))))
+    mean = float(np.exp(np.average(np.log(own), weights=weights)))
+    walked = max(min(mean, length), mean / SWAY)
+    trust = float(np.exp(-0.5 * np.square(np.log(mean / max(length, 1e-3)) / UNLIKE))) + 1e-3
     profile = np.average(legs / own[:, None], axis=0, weights=weights) * legs.shape[1]
     seconds = told.steps / RATE
-    return _Walk(seconds, seconds / max(walked, 1e-3), told.steps / steps, np.maximum(profile, LEAST_SHARE))
+    return _Walk(seconds, seconds / walked, told.steps / steps, np.maximum(profile, LEAST_SHARE), trust)
 
 
 def _weights(
