@@ -66,7 +66,7 @@ def _labels(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
         begin = different[((np.arange(count) + 0.5) / count * len(different)).astype(int)]
         with suppress(ClusterError):  # a group that has lost all its points: fewer groups are enough
             return kmeans2(
-                points[:, None].astype(float), begin[:, None].astype(float), minit="matrix", missing="raise"
+                points[:, None].astype(float), begin[:, None].astype(float), 100, minit="matrix", missing="raise"
             )[1]
     return np.zeros(len(points), dtype=np.int64)
 

@@ -12,7 +12,6 @@ import io
 import json
 import os
 import shutil
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -111,8 +110,7 @@ def build(database: Database, out: Path, part: str = "all", progress: Progress =
     """
     if part not in ("all", "train"):
         raise InputError(f"unknown part '{part}' of a database; use all or train")
-    if out.exists() and not (out / META).exists():
-        raise InputError(f"{out} is there and is no gallery; give another name")
+    _check_free(out)
     tracks = from_database(database, None if part == "all" else training_ranges(database)[0])
     made_from = f"root tracks of {database.dataset} {database.fingerprint[:12]}, {part}".replace(" ,", ",")
     gallery = of_tracks(tracks, {"made_from": made_from, "licence": database.licence}, progress)
@@ -121,7 +119,11 @@ def build(database: Database, out: Path, part: str = "all", progress: Progress =
 
 
 def save(gallery: Gallery, out: Path) -> None:
-    """Writes the folder of a gallery; one that was there stays whole until the new one is."""
+    """Writes the folder of a gallery; one that was there stays whole until the new one is.
+
+    Raises InputError where ``out`` is there and is no gallery or cannot be written.
+    """
+    _check_free(out)
     meta = {
         "version": VERSION,
         "styles": gallery.styles,
@@ -146,6 +148,12 @@ def save(gallery: Gallery, out: Path) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def _check_free(out: Path) -> None:
+    # A prepared database has a meta.json too.
+    if out.exists() and not ((out / META).exists() and (out / "cells.npy").exists()):
+        raise InputError(f"{out} is there and is no gallery; give another name")
+
+
 def load(path: Path) -> Gallery:
     """The gallery of a folder, or of a `gallery.npz`. Raises InputError where there is none, or one that is damaged."""
     if path.suffix == ".npz":
@@ -160,14 +168,14 @@ def load(path: Path) -> Gallery:
         raise InputError(f"{path / META} cannot be read ({error!r}); build the gallery again") from None
     if version != VERSION:
         raise InputError(f"{path} has version {version}, this program needs {VERSION}; build the gallery again")
-    tracks = Tracks(**{name: _map(path / f"{name}.npy", *_TRACKS[name]) for name in _TRACKS}, styles=styles)
-    index = Index(tracks, **{name: _map(path / f"{name}.npy", *_INDEX[name]) for name in _INDEX})
-    _check(tracks, path)
-    windows = len(index.start)
-    fit = all(len(getattr(index, name)) == windows for name in ("steps", "distance", "facing"))
-    if not fit or len(index.cells) != len(styles) * indexing.BINS * indexing.PAIRS + 1 or index.cells[-1] != windows:
+    arrays, held = ({name: _map(path / f"{name}.npy", *kinds[name]) for name in kinds} for kinds in (_TRACKS, _INDEX))
+    tracks = _tracks(arrays, styles, path)
+    windows = len(held["start"])
+    fit = all(len(held[name]) == windows for name in ("steps", "distance", "facing"))
+    cells = len(styles) * indexing.BINS * indexing.PAIRS + 1
+    if not fit or len(held["cells"]) != cells or held["cells"][-1] != windows:
         raise InputError(f"the files of the gallery {path} do not fit together; build it again")
-    return Gallery(index, meta)
+    return Gallery(Index(tracks, **held), meta)
 
 
 def save_small(tracks: Tracks, info: dict[str, Any], out: Path) -> None:
@@ -180,45 +188,49 @@ def save_small(tracks: Tracks, info: dict[str, Any], out: Path) -> None:
 
 def _load_small(path: Path) -> Gallery:
     try:
-        with np.load(path, allow_pickle=False) as held:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             meta = json.loads(str(held["meta"]))
             arrays = {name: held[name] for name in _TRACKS}
         styles = tuple(str(style) for style in meta["styles"])
         version = meta["version"]
     except FileNotFoundError:
         raise InputError(f"{path}: no such gallery; make one with 'interpose gallery build'") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # a damaged archive can make zipfile, zlib and numpy raise anything
         raise InputError(f"{path} is no gallery ({error}); make one with 'interpose gallery build'") from None
     if version != VERSION:
         raise InputError(f"{path} has version {version}, this program needs {VERSION}; export the model again")
     for name, (row, kind) in _TRACKS.items():
-        if arrays[name].dtype != kind or arrays[name].shape[1:] != row:
-            raise InputError(f"{path}: {name} is {arrays[name].dtype} {arrays[name].shape}; build the gallery again")
-    tracks = Tracks(**arrays, styles=styles)
-    _check(tracks, path)
-    return of_tracks(tracks, meta)
+        _check_kind(arrays[name], row, kind, f"{name} of {path}")
+    return of_tracks(_tracks(arrays, styles, path), meta)
 
 
-def _check(tracks: Tracks, path: Path) -> None:
-    ends = np.concatenate([[0], tracks.ranges[:, 1]])
+def _tracks(arrays: dict[str, ndarray], styles: tuple[str, ...], path: Path) -> Tracks:
+    root, posture, ranges, clip_styles = (arrays[name] for name in ("root", "posture", "ranges", "clip_styles"))
+    ends = np.concatenate([[0], ranges[:, 1]])
     if not (
-        len(tracks.posture) == len(tracks.root)
-        and len(tracks.clip_styles) == len(tracks.ranges) > 0
-        and np.array_equal(tracks.ranges[:, 0], ends[:-1])
-        and ends[-1] == len(tracks.root)
-        and 0 <= tracks.clip_styles.min() <= tracks.clip_styles.max() < len(tracks.styles)
-        and np.isfinite(tracks.root).all()
+        len(posture) == len(root)
+        and len(clip_styles) == len(ranges) > 0
+        and np.array_equal(ranges[:, 0], ends[:-1])
+        and (np.diff(ends) > 0).all()
+        and ends[-1] == len(root)
+        and 0 <= clip_styles.min() <= clip_styles.max() < len(styles)
+        and np.isfinite(root).all()
     ):
         raise InputError(f"the tracks of the gallery {path} do not fit together; build it again")
+    return Tracks(root, posture, ranges, clip_styles, styles)
+
+
+def _check_kind(array: ndarray, row: tuple[int, ...], kind: type, name: str) -> None:
+    if array.dtype != kind or array.ndim != 1 + len(row) or array.shape[1:] != row:
+        raise InputError(f"{name} holds {array.dtype} {array.shape}; build the gallery again")
 
 
 def _map(file: Path, row: tuple[int, ...], kind: type) -> ndarray:
     try:
-        array = np.load(file, mmap_mode="r", allow_pickle=False)
+        array = np.lib.format.open_memmap(file, mode="r")
     except FileNotFoundError:
         raise InputError(f"{file} is missing; build the gallery again") from None
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{file} cannot be read ({error}); build the gallery again") from None
-    if array.dtype != kind or array.shape[1:] != row:
-        raise InputError(f"{file} holds {array.dtype} {array.shape}; build the gallery again")
+    _check_kind(array, row, kind, str(file))
     return np.asarray(array)  # still mapped; a plain array is sliced much faster than np.memmap
