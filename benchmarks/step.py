@@ -4,8 +4,8 @@
 
 Networks of random weights, of the paper's size (16 experts x 512) and of the preset ``small``, are exported to a
 temporary folder and run by ONNX Runtime on one thread. The first table times one step for one character and for eight;
-the second a gap of 60 frames with eight candidates through :func:`interpose.runtime.inbetween.inbetween`, context and
-what follows the target known, at 30 Hz and at 60 Hz. The budgets: 0.5 ms a step for one character, 0.25 s a gap at
+the second a gap of 60 frames with eight candidates through :func:`interpose.runtime.inbetween.inbetween`, along
+trajectories of the default model's gallery, context and what follows the target known, at 30 Hz and at 60 Hz. The budgets: 0.5 ms a step for one character, 0.25 s a gap at
 30 Hz. With ``--model`` the folders of exported models are timed in place of the random ones.
 """
 
@@ -141,7 +141,7 @@ def gap_rows(session: Session, rate: float, repeats: int) -> None:
     """Prints the cost of a gap and the share of its parts, at the user's ``rate``."""
     clip = replace(walk(FRAMES + 20), rate=rate)
     mapping = inbetween.mapping_of(clip)
-    request = Request(session=session, seed=SEED)
+    request = Request(session=session, seed=SEED, gallery=session.gallery or load().gallery)
 
     def gap() -> object:
         return inbetween.inbetween(clip[:10], clip[FRAMES + 10 :], FRAMES, request, variants=VARIANTS, mapping=mapping)

@@ -81,7 +81,7 @@ def module_of(name: str) -> tuple[Path, str] | None:
 
 def missing(span: str) -> str:
     """What is not there of a dotted name of this package; empty where all is, or where it is no such name."""
-    match = _NAME.fullmatch(span)
+    match = None if span.endswith((".npz", ".npy", ".json")) else _NAME.fullmatch(span)
     found = module_of(match[1]) if match else None
     if found is None or not found[1] or found[1] in names_in(found[0]):
         return ""

@@ -42,8 +42,6 @@ TURN_RATE = 2.0
 """Radians a second at which a key's offset is given up, about; half a second at least."""
 SMOOTH = 3.0
 """Frames: the standard deviation of the last smoothing over time, for where the line turns on the spot."""
-KICK = 15
-"""Frames within which a velocity at a key that is none of the line's dies away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ def follow(
     track = gaussian(np.concatenate([line.curve.at(arc), heading[:, None]], axis=-1), min(SMOOTH, steps / 8.0))
     if given is None:
         track[:, 2] += offset.over(steps)
-    path = paths.fit(_kicked(track, ends), query)
+    path = paths.fit(paths.meet(track, ends.velocities), query)
     _check_speed(path)
     return path
 
@@ -250,21 +248,6 @@ def _looking(curve: Curve, given: Float[ndarray, "sample"], arc: Float[ndarray, 
     if curve.length < SHORT:
         return given[0] + ease(np.linspace(0.0, 1.0, len(arc))) * (given[-1] - given[0])
     return np.interp(arc, curve.arc, given)
-
-
-def _kicked(track: Float[ndarray, "time 3"], ends: Ends) -> Float[ndarray, "time 3"]:
-    """The track bent at its ends into the velocities that are known there."""
-    fade = min(KICK, (len(track) - 1) // 2)
-    if fade < 3:
-        return track
-    frames = np.arange(len(track))
-    kick = frames * np.square(np.maximum(1.0 - frames / fade, 0.0)) / (1.0 - 1.0 / fade) ** 2
-    made = track.copy()
-    for velocity, kicked, sign in zip(ends.velocities, (kick, kick[::-1]), (1.0, -1.0), strict=True):
-        if velocity is not None:
-            own = track[1] - track[0] if sign > 0.0 else track[-1] - track[-2]
-            made[:, :2] += sign * kicked[:, None] * (velocity / RATE - own[:2])
-    return made
 
 
 def _check_speed(path: Float[ndarray, "time 3"]) -> None:

@@ -20,8 +20,9 @@ from scipy.interpolate import CubicSpline
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.tracks import Tracks
 
+RATE = 30.0
 FADE = 15
-"""Frames on each side of a join over which its corrections die away."""
+"""Frames from a join, or from an end of a known velocity, over which corrections die away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +104,21 @@ def fit(track: Float[ndarray, "time 3"], query: Query) -> Float[ndarray, "time 3
     late = ease(np.linspace(0.0, 1.0, len(track)))[:, None]
     made = track + (1.0 - late) * (start - track[0]) + late * (target - track[-1])
     made[0], made[-1] = start, target
+    return made
+
+
+def meet(
+    track: Float[ndarray, "time 3"], velocities: tuple[Float[ndarray, "2"] | None, Float[ndarray, "2"] | None]
+) -> Float[ndarray, "time 3"]:
+    """A path bent at its ends into the velocities (x, z), m/s, that are known there; its ends stay where they are."""
+    fade = min(FADE, (len(track) - 1) // 2)
+    if fade < 3:
+        return track
+    kick, made = _kick(np.arange(len(track)), fade), track.copy()
+    if velocities[0] is not None:
+        made[:, :2] += kick[:, None] * (velocities[0] / RATE - (track[1] - track[0])[:2])
+    if velocities[1] is not None:
+        made[:, :2] -= kick[::-1, None] * (velocities[1] / RATE - (track[-1] - track[-2])[:2])
     return made
 
 

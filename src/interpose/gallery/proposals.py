@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.gallery import index as indexing
 from interpose.gallery import matching, paths
 from interpose.gallery.matching import Query, Settings, Trace
-from interpose.gallery.speeds import Suggestion, group_of, suggest
+from interpose.gallery.speeds import Suggestion, check_speed, group_of, suggest
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import mirror_posture, posture_distance
 from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found, first_of, join
@@ -166,14 +166,14 @@ def propose(
     if asked.steps is not None:
         low, high = _around(asked.steps, STRETCH)
         pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=asked.steps)
-        made = _from_pool(gallery, query, pool, count, [asked.steps] * count, hint=hint)
+        made = _from_pool(gallery, query, ends, pool, count, [asked.steps] * count, hint=hint)
         if len(made) < count:
-            made += _composed(gallery, query, asked.steps, styles, count - len(made), draw)
+            made += _composed(gallery, query, ends, asked.steps, styles, count - len(made), draw, before=made)
         return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw)
     pool = gather(gallery, query, ends, (SHORTEST, LONGEST), styles, draw)
     if not len(pool):
-        made = _composed(gallery, query, None, styles, count, draw)
-        return made or _unreachable(gallery, query, None)
+        made = _composed(gallery, query, ends, None, styles, count, draw, speed=asked.speed)
+        return made or _unreachable(gallery, query, None, styles)
     told = suggest(pool.found.steps, pool.weights)
     inside = np.abs(np.log2(pool.found.steps / told.steps)) <= 1.0
     frames = told.steps
@@ -183,9 +183,9 @@ def propose(
         frames = chosen.steps
     near = np.abs(np.log(pool.found.steps / frames)) <= STRETCH
     first = _from_pool(
-        gallery, query, pool.take(near & inside if (near & inside).any() else inside), 1, [frames], hint=hint
+        gallery, query, ends, pool.take(near & inside if (near & inside).any() else inside), 1, [frames], hint=hint
     )
-    return first + _from_pool(gallery, query, pool.take(inside), count - 1, [None] * (count - 1), before=first)
+    return first + _from_pool(gallery, query, ends, pool.take(inside), count - 1, [None] * (count - 1), before=first)
 
 
 def suggestion(
@@ -198,7 +198,7 @@ def suggestion(
     pool = gather(gallery, query, ends, (SHORTEST, LONGEST), styles, draw)
     if len(pool):
         return suggest(pool.found.steps, pool.weights)
-    made = _composed(gallery, query, None, styles, 3, draw) or _unreachable(gallery, query, None)
+    made = _composed(gallery, query, ends, None, styles, 3, draw) or _unreachable(gallery, query, None, styles)
     return suggest(np.array([m.steps for m in made]), np.ones(len(made)))
 
 
@@ -287,6 +287,7 @@ def _unique(found: Found) -> Found:
 def _from_pool(
     gallery: Gallery,
     query: Query,
+    ends: Ends,
     pool: Pool,
     count: int,
     steps: list[int | None],
@@ -300,10 +301,12 @@ def _from_pool(
     made = list(before)
     taken = [_sketch_of(query, proposal) for proposal in before]
     while len(made) - len(before) < count:
+        wanted = steps[len(made) - len(before)]
         if not made:
             row = _likeliest(query, pool, cheap, hint)
         else:
-            apart = np.min([_difference(query, cheap, *other) for other in taken], axis=0)
+            times = cheap.found.steps if wanted is None else np.full(len(cheap), wanted)
+            apart = np.min([_difference(query, cheap.sketch, times, *other) for other in taken], axis=0)
             apart[apart < _near_copy(query)] = 0.0
             apart[_overlap(cheap.found, [one.trace for one in made])] = 0.0
             if not apart.any():
@@ -313,7 +316,7 @@ def _from_pool(
         found = cheap.found
         part = matching.Part(int(found.start[row]), int(found.steps[row]), bool(found.mirrored[row]))
         trace = Trace((part,), float(found.error[row]) * 2.0 * np.pi / TURN)
-        made.append(_proposal(gallery, query, trace, steps[len(made) - len(before)], float(cheap.misfit[row])))
+        made.append(_proposal(gallery, query, ends, trace, wanted, float(cheap.misfit[row])))
         taken.append((cheap.sketch[row], made[-1].steps))
     return made[len(before) :]
 
@@ -342,10 +345,16 @@ def _sketch_of(query: Query, proposal: Proposal) -> tuple[ndarray, int]:
     return proposal.path[at, :2] - np.array(query.start[:2]), proposal.steps
 
 
-def _difference(query: Query, pool: Pool, sketch: Float[ndarray, "time 2"], steps: int) -> Float[ndarray, "window"]:
-    """How unlike each window is to one chosen before: mean distance of the paths, and the times' ratio as a length."""
-    away = np.linalg.norm(pool.sketch - sketch, axis=-1).mean(axis=-1)
-    return away + 0.25 * max(query.distance, 0.5) * np.abs(np.log(pool.found.steps / steps))
+def _difference(
+    query: Query,
+    sketches: Float[ndarray, "window time 2"],
+    times: Int[ndarray, "window"],
+    sketch: Float[ndarray, "time 2"],
+    steps: int,
+) -> Float[ndarray, "window"]:
+    """How unlike each path is to one chosen before: mean distance of the two, and the times' ratio as a length."""
+    away = np.linalg.norm(sketches - sketch, axis=-1).mean(axis=-1)
+    return away + 0.25 * max(query.distance, 0.5) * np.abs(np.log(times / steps))
 
 
 def _near_copy(query: Query) -> float:
@@ -353,40 +362,53 @@ def _near_copy(query: Query) -> float:
     return 0.04 + 0.015 * query.distance
 
 
-def _proposal(gallery: Gallery, query: Query, trace: Trace, steps: int | None, cost: float) -> Proposal:
+def _proposal(gallery: Gallery, query: Query, ends: Ends, trace: Trace, steps: int | None, cost: float) -> Proposal:
     path = paths.place(gallery.tracks, trace, query)
     tracks = gallery.tracks
     clip = int(np.searchsorted(tracks.ranges[:, 0], trace.parts[0].start, side="right")) - 1
     style = tracks.styles[int(tracks.clip_styles[clip])]
     timed = path if steps is None else paths.retime(path, steps)
-    return Proposal(timed, trace, style, 1.0 / (1.0 + max(cost, 0.0)))
+    return Proposal(paths.meet(timed, ends.velocities), trace, style, 1.0 / (1.0 + max(cost, 0.0)))
 
 
 def _composed(
     gallery: Gallery,
     query: Query,
+    ends: Ends,
     steps: int | None,
     styles: tuple[int, ...] | None,
     count: int,
     draw: np.random.Generator,
+    *,
+    speed: str | None = None,
+    before: Sequence[Proposal] = (),
 ) -> list[Proposal]:
-    """Paths of several windows that differ from one another; few or none where few or none are found."""
+    """Paths of several windows that differ from one another and from those chosen ``before``; few or none where few or
+    none are found."""
     allowed = (2 * SHORTEST, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
     if allowed[1] < 2 * SHORTEST:
         return []
     found: list[Proposal] = []
+    failed = 0
     for _ in range(COMPOSED + count):
         trace = matching.compose(gallery.search, gallery.tracks, gallery.distances, query, draw, allowed, styles)
         if trace is None:
-            break
-        one = _proposal(gallery, query, trace, steps, 0.0)
+            failed += 1
+            if found or before or failed == COMPOSED:
+                break
+            continue
+        one = _proposal(gallery, query, ends, trace, steps, 0.0)
         way, _ = _sketch_of(query, one)
         yaw = one.path[np.round(SKETCH * one.steps).astype(int), 2]
         cost = 0.5 * ((trace.error / Costs().facing) ** 2 + float(_wandering(query, way[None], yaw[None], Costs())[0]))
         found.append(replace(one, fit=1.0 / (1.0 + cost)))
+    if speed is not None and found:
+        chosen = group_of(suggest(np.array([one.steps for one in found]), np.ones(len(found))), speed)
+        found = [one for one in found if chosen.fewest <= one.steps <= chosen.most]
     made: list[Proposal] = []
     for one in sorted(found, key=lambda one: -one.fit):
-        if len(made) < count and all(paths.apart(one.path, other.path) >= _near_copy(query) for other in made):
+        others = [*before, *made]
+        if len(made) < count and all(paths.apart(one.path, other.path) >= _near_copy(query) for other in others):
             made.append(one)
     return made
 
@@ -403,25 +425,28 @@ def _stretched(
     """Paths walked in other times and retimed, where none was walked in that time."""
     low, high = _around(steps, MOST_STRETCH)
     pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=steps)
-    made = _from_pool(gallery, query, pool, count, [steps] * count)
-    return made or _unreachable(gallery, query, steps)
+    made = _from_pool(gallery, query, ends, pool, count, [steps] * count)
+    return made or _unreachable(gallery, query, steps, styles)
 
 
 def _around(steps: int, share: float) -> tuple[int, int]:
     return int(np.floor(steps / (1.0 + share))), int(np.ceil(steps * (1.0 + share)))
 
 
-def _unreachable(gallery: Gallery, query: Query, steps: int | None) -> list[Proposal]:
+def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tuple[int, ...] | None) -> list[Proposal]:
     """Raises :class:`Unreachable` with the nearest that can be served."""
     way = f"{query.distance:.2f} m"
     if steps is None:
-        reach = gallery.distances[-1] * (matching.DEFAULT.rounds + 1)
+        reach = min(gallery.distances[-1] * (matching.DEFAULT.rounds + 1), matching.FARTHEST)
         raise Unreachable(
             f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
             f"target; the farthest within reach is about {reach:.0f} m; set a key in between"
         )
-    asked = replace(matching.wanted(query, (SHORTEST, LONGEST), None), threshold=2.0 * np.pi)
-    lengths = indexing.sample(gallery.index, asked, SAMPLE, np.random.default_rng(0)).steps
+    draw = np.random.default_rng(0)
+    asked = matching.wanted(query, (SHORTEST, LONGEST), styles)
+    lengths = indexing.sample(gallery.index, asked, SAMPLE, draw).steps
+    if not len(lengths):
+        lengths = np.array([one.steps for one in _composed(gallery, query, Ends(), None, styles, 3, draw)])
     took = f"{way} in {steps} frames ({steps / RATE:.1f} s at 30 Hz)"
     if not len(lengths):
         raise Unreachable(f"no trajectory of the gallery covers {took}, nor that way in any time; set a key in between")
@@ -436,6 +461,8 @@ def _check(query: Query, asked: Asked) -> None:
         raise InputError("start or target is not a finite place on the ground; give poses without NaN")
     if asked.steps is not None and not 1 <= asked.steps <= LONGEST_GAP:
         raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {asked.steps}")
+    if asked.speed is not None:
+        check_speed(asked.speed)
 
 
 __all__ = ["Asked", "Ends", "Proposal", "Unreachable", "first_of", "gather", "propose", "suggestion"]

@@ -71,13 +71,18 @@ def _labels(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
     return np.zeros(len(points), dtype=np.int64)
 
 
+def check_speed(speed: str) -> None:
+    """Raises InputError for what is none of the three words."""
+    if speed not in SPEEDS:
+        raise InputError(f"unknown speed '{speed}'; there are {', '.join(SPEEDS)}")
+
+
 def group_of(suggestion: Suggestion, speed: str) -> Group:
     """The group of a speed; where there are fewer groups, the fastest or the slowest there is.
 
     Raises InputError for another word.
     """
-    if speed not in SPEEDS:
-        raise InputError(f"unknown speed '{speed}'; there are {', '.join(SPEEDS)}")
+    check_speed(speed)
     by_name = {group.speed: group for group in suggestion.groups}
     if speed in by_name:
         return by_name[speed]

@@ -18,7 +18,7 @@ from interpose.errors import InputError
 from interpose.gallery import drawn, paths, proposals
 from interpose.gallery.drawfile import Drawn
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import Asked, Ends, Unreachable
+from interpose.gallery.proposals import Asked, Ends, Proposal, Unreachable
 from interpose.gallery.speeds import Suggestion
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
@@ -29,6 +29,8 @@ from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
 
 RATE = 30.0
+CLEARLY = 0.7
+"""How many times as far from the network's own way a trajectory of another style may be, to be taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,17 @@ def _matched(session: Session, gallery: Gallery, gap: Gap, wish: Wish, count: in
         told = proposals.suggestion(gallery, query, ends, style, wish.seed)
         steps = told.steps if wish.speed is None else proposals.group_of(told, wish.speed).steps
     hint = _own_way(session, gap, steps, wish.style)
-    found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
+    try:
+        found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
+    except Unreachable:
+        if style is None:
+            raise
+        note = f"no trajectory in style '{style}' leads there in that time; those of all styles were matched"
+        style, asked = None, replace(asked, style=None)
+        found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
+    if style is not None:
+        found[0] = _of_any_style(gallery, query, ends, found[0], hint, wish.seed)
+    found[0] = replace(found[0], path=_out_and_in(found[0].path, hint))
     return [
         Plan(
             one.steps,
@@ -152,6 +164,24 @@ def _matched(session: Session, gallery: Gallery, gap: Gap, wish: Wish, count: in
         )
         for i, one in enumerate(found)
     ], note
+
+
+def _of_any_style(gallery: Gallery, query: Query, ends: Ends, first: Proposal, hint: Path, seed: int) -> Proposal:
+    """The likeliest proposal, or one walked in another style where that is clearly nearer to the network's own way: a
+    gallery has few trajectories of each style, and the network brings the style, whichever way it goes."""
+    other = proposals.propose(gallery, query, Asked(first.steps), ends, seed=seed, hint=hint)[0]
+    near, nearer = (paths.apart(one.path, hint) + 0.02 for one in (first, other))
+    return other if nearer < CLEARLY * near else first
+
+
+def _out_and_in(path: Path, own: Path) -> Path:
+    """The path, left and reached as the network's own way leaves and reaches the keys: half a second at either end goes
+    over from one to the other."""
+    own = paths.retime(own, len(path) - 1)
+    time = np.arange(len(path))
+    share = paths.ease(np.minimum(time, time[::-1]) / paths.FADE)[:, None]
+    ground = own[:, :2] + share * (path[:, :2] - own[:, :2])
+    return np.concatenate([ground, path[:, 2:]], axis=-1)
 
 
 def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
