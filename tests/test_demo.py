@@ -13,8 +13,8 @@ from interpose.figure import figure
 from interpose.io import bvh
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
-from interpose.runtime.request import Request
 from interpose.runtime.model import Model
+from interpose.runtime.request import Request
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, MIRROR
 

@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.gallery import curve, pacing, proposals, store
+from interpose.gallery import curve, pacing, proposals, store, weighing
 from interpose.gallery.drawfile import Drawn
 from interpose.gallery.drawn import follow
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import LONGEST_GAP, Asked, Ends
+from interpose.gallery.proposals import LONGEST_GAP, Asked
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import Tracks
+from interpose.gallery.weighing import Ends
 
 RATE = 30.0
 NOTHING = Ends()
@@ -382,8 +383,8 @@ def test_times_that_do_not_fit_the_keys() -> None:
 
 def test_a_long_winding_line_asks_the_gallery_little(gallery: Gallery, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    gather = proposals.gather
-    monkeypatch.setattr(proposals, "gather", lambda *a, **k: asked.append(a) or gather(*a, **k))
+    gather = weighing.gather
+    monkeypatch.setattr(weighing, "gather", lambda *a, **k: asked.append(a) or gather(*a, **k))
     at = np.linspace(0.0, 40.0, 400)
     line = Drawn(np.stack([2.0 * np.sin(at), at], axis=-1))
     path = follow(gallery, line, Query((0.0, 0.0, 1.0), (0.0, 40.0, 1.0)), Asked(600, style="walk"), NOTHING)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from interpose.errors import InputError
 from interpose.gallery import paths, store
 from interpose.gallery.matching import Query, wanted
-from interpose.gallery.proposals import LONGEST_GAP, Asked, Costs, Ends, Unreachable, gather, propose, suggestion
+from interpose.gallery.proposals import LONGEST_GAP, Asked, Unreachable, propose, suggestion
 from interpose.gallery.tracks import POSTURE, mirror_posture
+from interpose.gallery.weighing import Costs, Ends, gather
 from interpose.gallery.windows import LONGEST, SHORTEST, TURN
 
 near_0 = st.floats(-0.4, 0.4)

@@ -20,10 +20,11 @@ from interpose.data import database
 from interpose.errors import InputError
 from interpose.gallery import plots, proposals, store
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import Asked, Ends, Proposal
+from interpose.gallery.proposals import Asked, Proposal
 from interpose.gallery.speeds import Suggestion
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
+from interpose.gallery.weighing import RATE, Ends
 from interpose.motion import Motion
 from interpose.runtime import generated, session
 
@@ -138,7 +139,7 @@ def _row(gallery: Gallery, one: Proposal) -> dict[str, Any]:
     """What is told of a trajectory; `path` has x, z, yaw of every frame."""
     return {
         "frames": one.steps - 1,
-        "seconds": round(one.steps / proposals.RATE, 3),
+        "seconds": round(one.steps / RATE, 3),
         "style": one.style,
         "fit": round(one.fit, 3),
         "facing_error_deg": round(float(np.degrees(one.trace.error)), 2),

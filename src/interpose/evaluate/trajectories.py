@@ -28,9 +28,10 @@ from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import Row
 from interpose.gallery import matching, paths, proposals
 from interpose.gallery.paths import query_of
-from interpose.gallery.proposals import Asked, Ends, Unreachable
+from interpose.gallery.proposals import Asked, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
+from interpose.gallery.weighing import Ends, gather
 from interpose.motion import Motion
 from interpose.runtime import feet, guidance, rollout
 from interpose.runtime.guidance import Gap, Wish
@@ -175,7 +176,7 @@ def _random(gallery: Gallery, way: Way, seed: int) -> Way | None:
     """A direct candidate of about the true duration, drawn at random (Algorithm 1, line 25)."""
     draw, steps = np.random.default_rng(seed), len(way) - 1
     query, lengths = query_of(way), (int(steps / 1.1), int(np.ceil(steps * 1.1)))
-    pool = proposals.gather(gallery, query, Ends(), lengths, None, draw)
+    pool = gather(gallery, query, Ends(), lengths, None, draw)
     if not len(pool):
         return None
     found, row = pool.found, int(draw.integers(len(pool)))

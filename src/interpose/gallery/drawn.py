@@ -24,8 +24,9 @@ from interpose.gallery.drawfile import Drawn
 from interpose.gallery.matching import Query
 from interpose.gallery.pacing import Progress
 from interpose.gallery.paths import ease
-from interpose.gallery.proposals import LONGEST_GAP, RATE, Asked, Ends
+from interpose.gallery.proposals import LONGEST_GAP, Asked
 from interpose.gallery.store import Gallery
+from interpose.gallery.weighing import RATE, Ends
 
 JOIN = 0.3
 """Metres within which a first or last point stands for the key itself."""

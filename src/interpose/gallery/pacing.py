@@ -19,13 +19,14 @@ from numpy import ndarray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-from interpose.gallery import matching, proposals
+from interpose.gallery import matching, weighing
 from interpose.gallery.curve import SHORT, Curve, gaussian
 from interpose.gallery.matching import IN_PLACE, Query
-from interpose.gallery.proposals import RATE, SKETCH, Asked, Costs, Ends, Pool
+from interpose.gallery.proposals import Asked
 from interpose.gallery.speeds import group_of, suggest
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import mirror_posture, posture_distance
+from interpose.gallery.weighing import RATE, SKETCH, Costs, Ends, Pool
 from interpose.gallery.windows import LONGEST, SHORTEST
 
 SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
@@ -184,7 +185,7 @@ def _pool(
     before, after = (velocity if there else None for velocity, there in zip(ends.velocities, outer, strict=True))
     known = Ends(ends.postures if all(outer) else None, (before, after))
     for settings in (matching.DEFAULT, ANY_FACING):
-        pool = proposals.gather(gallery, query, known, (SHORTEST, LONGEST), styles, draw, settings=settings)
+        pool = weighing.gather(gallery, query, known, (SHORTEST, LONGEST), styles, draw, settings=settings)
         if len(pool):
             return pool
     return None

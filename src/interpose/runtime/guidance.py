@@ -18,10 +18,11 @@ from interpose.errors import InputError
 from interpose.gallery import drawn, paths, proposals
 from interpose.gallery.drawfile import Drawn
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import Asked, Ends, Proposal, Unreachable
+from interpose.gallery.proposals import Asked, Proposal, Unreachable
 from interpose.gallery.speeds import Suggestion
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
+from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
 from interpose.runtime import rollout

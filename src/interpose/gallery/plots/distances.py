@@ -8,8 +8,8 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.gallery.plots import canvas
-from interpose.gallery.proposals import RATE
 from interpose.gallery.tracks import Tracks
+from interpose.gallery.weighing import RATE
 
 FRAMES = 45
 """Frames of a segment."""

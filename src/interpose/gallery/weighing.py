@@ -1,0 +1,165 @@
+"""How well each of the windows that fit a query fits it: costs, from more than where the two keys stand.
+
+Beyond the paper's equation 7, a window's two ends are compared with the two keys in posture, and where the motion
+before or after the gap is known, in velocity; time that must be stretched, detours and turns that nobody asked for
+cost, too. exp(-cost) is a window's weight among the others. docs/method.md, D22, has what this is worth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose.gallery import index as indexing
+from interpose.gallery import matching
+from interpose.gallery.matching import Query, Settings
+from interpose.gallery.store import Gallery
+from interpose.gallery.tracks import mirror_posture, posture_distance
+from interpose.gallery.windows import LONGEST, NONE, SHORTEST, TURN, Found, join, select
+
+SAMPLE = 2048
+"""Windows that are weighed for one gap."""
+EXACT = 64
+"""The best by equation 7 that are always among them."""
+SKETCH = np.linspace(0.0, 1.0, 13)
+"""Shares of the time at which paths are compared before they are made."""
+RATE = 30.0
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What counts as one unit of deviation: a cost is half the sum of the squares.
+
+    posture: metres, for each end. facing: radians of equation 7. velocity: m/s at an end where it is known. stretch:
+    the logarithm of how much faster or slower. detour: the logarithm of the path's length over half a metre more than
+    the way from end to end; nobody asks for a loop of eight metres to turn on the spot. turning: radians that the
+    facing turns beyond what the keys ask for; nobody goes the long way round.
+    """
+
+    posture: float = 0.12
+    facing: float = float(np.radians(20.0))
+    velocity: float = 0.5
+    stretch: float = 0.1
+    detour: float = 0.7
+    turning: float = float(np.radians(60.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """What is known at start and target beside the places: posture (16,) and velocity on the ground (x, z), m/s."""
+
+    postures: tuple[Float[ndarray, "16"], Float[ndarray, "16"]] | None = None
+    velocities: tuple[Float[ndarray, "2"] | None, Float[ndarray, "2"] | None] = (None, None)
+
+
+NOTHING_KNOWN = Ends()
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Single windows that fit a query, with sketches of their placed paths (window, 13, 2).
+
+    misfit: half the sum of the squared deviations. cost: the same, and how unlikely the length of time is beforehand.
+    """
+
+    found: Found
+    misfit: Float[ndarray, "window"]
+    cost: Float[ndarray, "window"]
+    sketch: Float[ndarray, "window time 2"]
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def weights(self) -> Float[ndarray, "window"]:
+        """How much each counts; the cheapest counts 1."""
+        return np.exp(self.cost.min() - self.cost)
+
+    def take(self, rows: ndarray) -> Pool:
+        """Some of them, by index or mask."""
+        return Pool(select(self.found, rows), self.misfit[rows], self.cost[rows], self.sketch[rows])
+
+
+def gather(
+    gallery: Gallery,
+    query: Query,
+    ends: Ends,
+    steps: tuple[int, int],
+    styles: tuple[int, ...] | None,
+    draw: np.random.Generator,
+    *,
+    target_steps: int | None = None,
+    settings: Settings = matching.DEFAULT,
+    costs: Costs = Costs(),
+) -> Pool:
+    """A random sample of the windows that fit a query, the best by equation 7 among them, each with its cost."""
+    if steps[1] < SHORTEST or steps[0] > LONGEST:
+        return weigh(gallery, query, ends, NONE, target_steps, costs)
+    asked = matching.wanted(query, steps, styles, settings)
+    index = gallery.index
+    drawn = indexing.sample(index, asked, SAMPLE, draw)
+    found = _unique(join([indexing.best(index, asked, EXACT), drawn]))
+    return weigh(gallery, query, ends, found, target_steps, costs)
+
+
+def weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_steps: int | None, costs: Costs) -> Pool:
+    tracks, side = gallery.tracks, found.mirrored.astype(bool)
+    at = found.start[:, None] + np.round(found.steps[:, None] * SKETCH).astype(np.int64)
+    sketch = tracks.root[at].astype(float) * np.where(side[:, None, None], [-1.0, 1.0, -1.0], 1.0)
+    angle, scale = _placing(query, sketch)
+    placed = _rotated(sketch[..., :2] - sketch[:, :1, :2], angle) * scale[:, None, None]
+    ours = np.array(query.target[:2]) - np.array(query.start[:2])
+    placed += SKETCH[:, None] * (ours - placed[:, -1])[:, None]
+    total = wandering(query, placed, sketch[..., 2], costs) + np.square(
+        found.error * (2.0 * np.pi / TURN) / costs.facing
+    )
+    if target_steps is not None:
+        total += np.square(np.log(found.steps / target_steps) / costs.stretch)
+    if ends.postures is not None:
+        for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
+            theirs = tracks.posture[frame].astype(float)
+            theirs = np.where(side[:, None], mirror_posture(theirs), theirs)
+            total += np.square(posture_distance(theirs, wanted) / costs.posture)
+    for frame, wanted in zip((found.start, found.start + found.steps - 1), ends.velocities, strict=True):
+        if wanted is not None:
+            step = (tracks.root[frame + 1, :2] - tracks.root[frame, :2]).astype(float) * RATE
+            step[side, 0] *= -1.0
+            theirs = _rotated(step[:, None], angle)[:, 0]
+            total += np.sum(np.square((theirs - wanted) / costs.velocity), axis=-1)
+    # By 1 / steps: a length of time counts by its ratio to others, not by how many frames it differs.
+    prior = np.log(found.steps) if target_steps is None else 0.0
+    return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
+
+
+def wandering(
+    query: Query, ways: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"], costs: Costs
+) -> Float[ndarray, "window"]:
+    """Twice the cost of what goes a long way or turns a lot for what it reaches."""
+    walked = np.linalg.norm(np.diff(ways, axis=1), axis=-1).sum(axis=1)
+    detour = np.maximum(np.log((walked + 1e-9) / (query.distance + 0.5)), 0.0)
+    needed = abs((query.target[2] - query.start[2] + np.pi) % (2.0 * np.pi) - np.pi)
+    turned = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
+    return np.square(detour / costs.detour) + np.square(turned / costs.turning)
+
+
+def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[ndarray, ndarray]:
+    """By how much each window is turned and scaled onto the query."""
+    if query.in_place:
+        return query.start[2] - sketch[:, 0, 2], np.ones(len(sketch))
+    way = sketch[:, -1, :2] - sketch[:, 0, :2]
+    length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
+    return query.heading - np.arctan2(way[:, 0], way[:, 1]), query.distance / length
+
+
+def _rotated(v: Float[ndarray, "window time 2"], angle: Float[ndarray, "window"]) -> Float[ndarray, "window time 2"]:
+    sin, cos = np.sin(angle)[:, None], np.cos(angle)[:, None]
+    return np.stack([v[..., 0] * cos + v[..., 1] * sin, v[..., 1] * cos - v[..., 0] * sin], axis=-1)
+
+
+def _unique(found: Found) -> Found:
+    key = (found.start * 1024 + found.steps) * 2 + found.mirrored
+    _, rows = np.unique(key, return_index=True)
+    return select(found, rows)
