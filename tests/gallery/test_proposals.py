@@ -14,7 +14,7 @@ from interpose.gallery import paths, store
 from interpose.gallery.matching import Query, wanted
 from interpose.gallery.proposals import LONGEST_GAP, Asked, Unreachable, propose, suggestion
 from interpose.gallery.tracks import POSTURE, mirror_posture
-from interpose.gallery.weighing import Costs, Ends, gather
+from interpose.gallery.weighing import RATIOS, Costs, Ends, gather
 from interpose.gallery.windows import LONGEST, SHORTEST, TURN
 
 near_0 = st.floats(-0.4, 0.4)
@@ -430,6 +430,6 @@ def test_windows_are_weighed_once_each_the_best_by_equation_7_among_them(wanderi
     top = wandering.search(wanted(query, (SHORTEST, LONGEST), None), 64)
     assert set(zip(top.start, top.steps, top.mirrored, strict=True)) <= rows
     assert pool.weights.max() == 1.0
-    np.testing.assert_allclose(pool.cost - pool.misfit, np.log(pool.found.steps))
+    np.testing.assert_allclose(pool.cost - pool.misfit, RATIOS * np.log(pool.found.steps))
     assert (pool.misfit >= 0.5 * np.square(pool.found.error / TURN * 2.0 * np.pi / Costs().facing) - 1e-9).all()
     np.testing.assert_allclose(pool.sketch[:, -1], np.broadcast_to([0.0, 1.0], (len(pool), 2)), atol=1e-9)

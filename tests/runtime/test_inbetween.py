@@ -8,6 +8,7 @@ import pytest
 
 from interpose import retarget, rotation
 from interpose.errors import InputError
+from interpose.gallery.drawfile import of_points
 from interpose.motion import Motion
 from interpose.runtime import rollout
 from interpose.runtime.inbetween import fill, inbetween, mapping_of
@@ -286,6 +287,24 @@ def test_variants_of_a_free_style_take_each_style_in_turn(served):
     assert {c.info.style for c in made} == {None, "Angry", "Old"}
     asked = inbetween(clip[0], clip[-1], 30, replace(MODEL, style="Old"), variants=2)
     assert [c.info.style for c in asked] == ["Old", "Old"]
+
+
+def test_a_root_that_does_not_keep_to_its_path_is_told_of(served, monkeypatch):
+    clip = walk(62, 30.0)
+    given = rollout.generate_batch
+
+    def deaf(*arguments, paths, **named):
+        assert paths[0].shape == (62, 3)
+        return given(*arguments, paths=[None], **named)
+
+    monkeypatch.setattr("interpose.runtime.rollout.generate_batch", deaf)
+    for aside, told in ((0.05, False), (2.0, True)):
+        beside = clip.root_positions[30, ::2] + np.array([aside, 0.0])
+        request = replace(MODEL, path="drawn", lines=of_points([beside]))
+        (made,) = inbetween(clip[0], clip[-1], 60, request)
+        assert made.info.trajectory == "drawn"
+        assert (made.info.path_deviation_m > 0.25) == told
+        assert ("the root strays" in (made.info.fallback or "")) == told
 
 
 def test_no_two_variants_begin_in_the_same_phases(tmp_path):

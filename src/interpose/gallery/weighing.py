@@ -26,6 +26,9 @@ EXACT = 64
 """The best by equation 7 that are always among them."""
 SKETCH = np.linspace(0.0, 1.0, 13)
 """Shares of the time at which paths are compared before they are made."""
+RATIOS = 0.5
+"""1 has a length of time count by its ratio to others, 0 by how many frames it differs. 1 is best on the data that a
+gallery is made of, 0 on other data (docs/method.md, D23)."""
 RATE = 30.0
 
 
@@ -129,8 +132,7 @@ def weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_steps
             step[side, 0] *= -1.0
             theirs = _rotated(step[:, None], angle)[:, 0]
             total += np.sum(np.square((theirs - wanted) / costs.velocity), axis=-1)
-    # By 1 / steps: a length of time counts by its ratio to others, not by how many frames it differs.
-    prior = np.log(found.steps) if target_steps is None else 0.0
+    prior = RATIOS * np.log(found.steps) if target_steps is None else 0.0
     return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
 
 

@@ -28,6 +28,8 @@ from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recen
 from interpose.runtime.transition import Made, generate
 
 LONGEST_MODEL_GAP = 600
+STRAYED = 0.25
+"""Metres from its path on average from which on it is told that the root does not keep to it."""
 MISFIT = 0.25
 """What a path that fits badly costs: centimetres of foot slide for each factor e of its fit."""
 
@@ -198,7 +200,7 @@ def _transitions(
             arrival_rotation_error_deg=round(angle, 6),
             foot_slide_cm_per_frame=_rounded(slide, 4),
             seconds=round(seconds, 6),
-            fallback=fallback if plan is None else plan.note,
+            fallback=fallback if plan is None else plan.note or _strayed(one.deviation),
             speed=request.speed,
             trajectory=None if plan is None else plan.trajectory,
             path_deviation_m=_rounded(one.deviation, 5),
@@ -208,6 +210,13 @@ def _transitions(
         misfit = 0.0 if plan is None or plan.fit is None else -MISFIT * float(np.log(plan.fit))
         out.append((Candidate(one.motion[1:-1], info), cost + misfit))
     return out
+
+
+def _strayed(deviation: float | None) -> str | None:
+    """What is told where the root does not keep to its path."""
+    if deviation is None or deviation <= STRAYED:
+        return None
+    return f"the root strays {deviation:.2f} m from its path on average; give more time, or a path nearer to the keys"
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
