@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from interpose.gallery import paths
 from interpose.gallery.matching import IN_PLACE, Part, Query, Settings, Trace, compose, direct
-from interpose.gallery.paths import FADE, apart, ease, fit, join, place, query_of, retime, stages, straight, turn
+from interpose.gallery.paths import FADE, apart, ease, fit, join, meet, place, query_of, retime, stages, straight, turn
 from interpose.gallery.windows import LONGEST, SHORTEST
 
 places = st.floats(-50.0, 50.0)
@@ -173,6 +173,29 @@ def test_parts_shorter_than_the_fade_keep_their_other_ends(before, after):
     np.testing.assert_allclose(path[before - 1], [*a[-1, :2], 0.25], atol=1e-12)
     if before > 2 < after:
         np.testing.assert_allclose(path[before - 1] - path[before - 2], path[before] - path[before - 1], atol=1e-9)
+
+
+# Known velocities.
+
+
+@given(st.integers(8, 80), st.integers(0, 50), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_a_path_meets_the_velocities_known_at_its_ends(frames, seed, u, v):
+    track = wander(frames, seed)
+    first, last = np.array([u, v]), np.array([v, -u])
+    own = 30.0 * np.diff(track[:, :2], axis=0)[[0, -1]]
+    for velocities in ((first, None), (None, last), (first, last)):
+        path = meet(track, velocities)
+        np.testing.assert_array_equal(path[[0, -1]], track[[0, -1]])
+        np.testing.assert_array_equal(path[:, 2], track[:, 2])
+        told = [was if known is None else known for known, was in zip(velocities, own, strict=True)]
+        np.testing.assert_allclose(30.0 * np.diff(path[:, :2], axis=0)[[0, -1]], told, atol=1e-9)
+        np.testing.assert_array_equal(path[FADE:-FADE], track[FADE:-FADE])
+
+
+def test_where_no_velocity_is_known_or_no_time_is_left_nothing_is_bent():
+    np.testing.assert_array_equal(meet(wander(50, 0), (None, None)), wander(50, 0))
+    for frames in (1, 2, 6):
+        np.testing.assert_array_equal(meet(even(frames), (np.ones(2), np.ones(2))), even(frames))
 
 
 # Turning, fitting, timing.

@@ -52,6 +52,10 @@ def assert_different(query, made):
     for a, b in combinations(made, 2):
         times = 0.25 * max(query.distance, 0.5) * abs(np.log(a.steps / b.steps))
         assert paths.apart(a.path, b.path) + times >= near_copy(query)
+        if not a.composed and not b.composed:  # nor are they mostly the same moments
+            (one,), (other,) = a.trace.parts, b.trace.parts
+            common = min(one.start + one.steps, other.start + other.steps) - max(one.start, other.start)
+            assert one.mirrored != other.mirrored or common <= 0.5 * min(one.steps, other.steps)
 
 
 # What is asked is kept to.
@@ -260,13 +264,44 @@ def test_mirrored_windows_have_mirrored_velocities():
         assert paths.apart(first.path, track) < 0.02
 
 
+def test_paths_meet_the_velocities_that_are_known(strolling):
+    before, after = np.array([0.3, 0.9]), np.array([-0.2, 1.4])
+    for metres, asked in ((2.0, Asked()), (2.0, Asked(steps=45)), (7.0, Asked())):
+        for one in propose(strolling, ahead(metres), asked, Ends(None, (before, after)), count=2):
+            assert_ends(one.path, ahead(metres))
+            velocities = RATE * np.diff(one.path[:, :2], axis=0)
+            np.testing.assert_allclose(velocities[[0, -1]], [before, after], atol=1e-9)
+
+
+def test_detours_and_turns_that_nobody_asked_for_cost():
+    straight, spun, bowed = even(61, pace=1.0), even(61, pace=1.0), even(61, pace=1.0)
+    spun[:, 2] = np.linspace(0.0, 2.0 * np.pi, 61)
+    bowed[:, 0] = 1.5 * np.sin(np.linspace(0.0, np.pi, 61))
+    gallery = store.of_tracks(tracks_of([straight, spun, bowed]))
+    pool = gather(gallery, ahead(2.0), Ends(), (60, 60), None, np.random.default_rng(0), target_steps=60)
+    misfit = {int(start): float(cost) for start, cost in zip(pool.found.start, pool.misfit, strict=True)}
+    assert misfit[0] == pytest.approx(0.0, abs=1e-6)
+    assert misfit[61] == pytest.approx(0.5 * (2.0 * np.pi / Costs().turning) ** 2, rel=1e-3)
+    walked = np.linalg.norm(np.diff(bowed[:, :2], axis=0), axis=-1).sum()
+    assert misfit[122] == pytest.approx(0.5 * (np.log(walked / 2.5) / Costs().detour) ** 2, rel=0.03)
+
+
+def test_of_variants_that_differ_alike_the_likelier_is_taken():
+    upright, low = posture_with(0.95), posture_with(0.8)
+    bent = arc(61, turning=0.4)
+    gallery = store.of_tracks(tracks_of([even(61), bent, bent], ["Even", "High", "Low"], [upright, upright, low]))
+    made = propose(gallery, ahead(2.2), Asked(steps=55), Ends((upright, upright)), count=2)
+    assert len(made) == 2
+    assert "Low" not in {one.style for one in made}
+
+
 # Copies.
 
 
 def test_of_ways_that_are_the_same_at_a_given_time_one_is_proposed():
-    gallery = store.of_tracks(tracks_of([even(120, pace=pace) for pace in (1.1, 1.15, 1.2, 1.25, 1.3)]))
-    made = propose(gallery, ahead(4.0), Asked(steps=100), count=4)
-    assert_different(ahead(4.0), made)
+    gallery = store.of_tracks(tracks_of([even(145, pace=1.7), even(131, pace=1.9)]))
+    made = propose(gallery, ahead(8.0), Asked(steps=140), count=4)
+    assert_different(ahead(8.0), made)
     assert len(made) == 1
 
 
@@ -312,6 +347,14 @@ def test_a_way_walked_in_another_time_is_retimed():
         np.testing.assert_allclose(np.diff(one.path[:, 1]), 2.0 / steps, atol=1e-3)
         assert one.fit < 0.3
         assert one.steps == steps
+
+
+def test_a_way_walked_in_another_time_is_one_of_the_style_asked_for():
+    gallery = store.of_tracks(tracks_of([even(150, pace=2.4), even(150, pace=0.8)], ["Brisk", "Old"]))
+    assert {one.style for one in propose(gallery, ahead(2.0), Asked(steps=55, style="Old"), count=3)} == {"Old"}
+    with pytest.raises(Unreachable) as error:
+        propose(gallery, ahead(2.0), Asked(steps=55, style="Brisk"))
+    assert nearest(error) == pytest.approx(25, abs=2)
 
 
 # What cannot be had.
