@@ -5,7 +5,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from gallery.walks import angles, drawn, even, several_clips, tracks_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interpose.errors import InputError
@@ -58,6 +58,7 @@ def test_the_index_finds_what_the_scan_finds(data, clips, count, batch):
 
 
 @pytest.mark.parametrize("name", ["wandering", "marching"])
+@settings(max_examples=30)
 @given(data=st.data(), count=counts, batch=st.sampled_from([8, 512, indexing.BATCH]))
 def test_the_index_finds_what_the_scan_finds_among_many(name, request, data, count, batch):
     gallery = request.getfixturevalue(name)

@@ -168,6 +168,7 @@ FAR = st.floats(4.5, 12.0)
 near_0 = st.floats(-0.4, 0.4)
 
 
+@settings(max_examples=30)
 @given(FAR, near_0, near_0, st.integers(0, 1000))
 def test_a_way_beyond_the_longest_window_is_composed(strolling, metres, first, last, seed):
     query = ahead(metres, (first, last))
@@ -181,10 +182,11 @@ def test_a_way_beyond_the_longest_window_is_composed(strolling, metres, first, l
 
 
 def test_ways_straight_ahead_are_nearly_always_composed(strolling):
-    made = [composed(strolling, ahead(metres), seed) for seed in range(20) for metres in (5.0, 9.0)]
-    assert sum(trace is not None for trace in made) > 35
+    made = [composed(strolling, ahead(metres), seed) for seed in range(10) for metres in (5.0, 9.0)]
+    assert sum(trace is not None for trace in made) > 17
 
 
+@settings(max_examples=25)
 @given(st.floats(4.5, 9.0), st.integers(100, 400), st.integers(0, 1000))
 def test_a_composition_takes_the_steps_asked_for(strolling, metres, steps, seed):
     asked = (int(steps / 1.1), int(np.ceil(1.1 * steps)))
@@ -208,7 +210,7 @@ def test_a_composition_keeps_to_a_style(strolling):
                 assert set(np.searchsorted(strolling.tracks.ranges[:, 0], starts, side="right") - 1) <= set(clips)
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(FAR, near_0, st.integers(0, 1000))
 def test_index_and_scan_compose_the_same(strolling, metres, last, seed):
     query = ahead(metres, (0.0, last))

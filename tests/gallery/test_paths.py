@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from gallery.walks import ahead, angles, arc, ends_of, even, moved, tracks_of, wander
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interpose.gallery import paths
@@ -93,6 +93,7 @@ def test_short_ways_are_turned_onto_the_query_too():
         np.testing.assert_allclose(made[:, 2], asked.start[2], atol=1e-6)
 
 
+@settings(max_examples=30)
 @given(st.floats(4.5, 9.0), angles, st.integers(0, 1000))
 def test_a_composed_path_has_the_ends_of_the_query_and_no_kink(strolling, metres, heading, seed):
     query = ends_of(moved(np.array([[0.0, 0.0, 0.1], [0.0, metres, -0.2]]), heading, 3.0, -4.0))

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from gallery.walks import RATE, ahead, arc, ends_of, even, moved, tracks_of
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interpose.errors import InputError
@@ -61,6 +61,7 @@ def assert_different(query, made):
 # What is asked is kept to.
 
 
+@settings(max_examples=40)
 @given(st.floats(0.3, 2.5), near_0, near_0, st.integers(25, 90), st.integers(1, 6))
 def test_paths_of_the_steps_asked_for_that_differ(wandering, metres, first, last, steps, count):
     query = ahead(metres, (first, last))
@@ -73,6 +74,7 @@ def test_paths_of_the_steps_asked_for_that_differ(wandering, metres, first, last
     assert all(one.steps == steps for one in made)
 
 
+@settings(max_examples=30)
 @given(st.floats(0.0, 2.5), near_0, near_0, st.integers(1, 6))
 def test_paths_of_times_of_their_own_that_differ(wandering, metres, first, last, count):
     query = ahead(metres, (first, last))
@@ -136,6 +138,7 @@ def test_other_seeds_propose_other_compositions(strolling):
     assert len(traces) > 1
 
 
+@settings(max_examples=15)
 @given(st.floats(-3.0, 3.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
 def test_proposals_do_not_depend_on_where_the_query_lies(wandering, angle, x, z):
     here = np.array([[0.0, 0.0, 0.1], [0.0, 1.0, -0.2]])
@@ -335,7 +338,7 @@ def test_far_ways_are_composed(strolling):
 
 
 def test_what_can_be_composed_is_nearly_always_proposed(strolling):
-    for seed in range(12):
+    for seed in range(6):
         assert propose(strolling, ahead(8.0), Asked(steps=210), seed=seed)
         assert propose(strolling, ahead(8.0), Asked(), seed=seed)
 
