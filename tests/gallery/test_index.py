@@ -78,6 +78,16 @@ def test_of_thousands_of_equal_errors_the_first_are_taken(marching):
     assert rows(found) == sorted(rows(found))
 
 
+@pytest.mark.parametrize("count", [1, 40, 3000])
+def test_equal_errors_are_found_though_they_are_read_later(count):
+    tracks = tracks_of([even(60, facing=facing) for facing in (3.0, 0.1, 1.5, -1.5)])
+    wanted = Wanted((0.6, 1.2), (0.4, 0.4), "turn")
+    with mock.patch.object(indexing, "BATCH", 1):
+        found = indexing.best(build(tracks), wanted, count)
+    assert_same(found, scan.best(tracks, wanted, count))
+    assert found.start[0] == found.error.max() == 0
+
+
 def test_all_that_fit_are_given_where_more_are_asked_for(wandering):
     wanted = Wanted((1.0, 1.1), (0.3, -0.2), threshold=1.0)
     found = indexing.best(wandering.index, wanted, 10**6)
