@@ -5,8 +5,9 @@
 Networks of random weights, of the paper's size (16 experts x 512) and of the preset ``small``, are exported to a
 temporary folder and run by ONNX Runtime on one thread. The first table times one step for one character and for eight;
 the second a gap of 60 frames with eight candidates through :func:`interpose.runtime.inbetween.inbetween`, along
-trajectories of the default model's gallery, context and what follows the target known, at 30 Hz and at 60 Hz. The budgets: 0.5 ms a step for one character, 0.25 s a gap at
-30 Hz. With ``--model`` the folders of exported models are timed in place of the random ones.
+trajectories of the default model's gallery, context and what follows the target known, at 30 Hz and at 60 Hz. The
+budgets: 0.5 ms a step for one character, 0.25 s a gap at 30 Hz. With ``--model`` the folders of exported models are
+timed in place of the random ones.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ import json
 import shutil
 import zipfile
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -220,6 +221,23 @@ def test_saving_that_is_interrupted_leaves_the_old_gallery_whole(small, folder, 
     assert_same(store.load(folder), small)
     store.save(other, folder)
     assert len(store.load(folder).tracks) == 40
+
+
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+def test_a_new_gallery_that_cannot_take_its_place_leaves_the_old_one_there(small, folder, monkeypatch, error):
+    before, rename = contents(folder), Path.rename
+
+    def breaks(self, target):
+        if self != folder and target == folder and not self.name.endswith(".before"):
+            raise error
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", breaks)
+    with pytest.raises(InputError if isinstance(error, OSError) else KeyboardInterrupt):
+        store.save(store.of_tracks(tracks_of([even(40)])), folder)
+    monkeypatch.undo()
+    assert contents(folder) == before
+    assert [file.name for file in folder.parent.iterdir()] == ["gallery"]
 
 
 # Damaged.

@@ -296,6 +296,11 @@ def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tupl
     way = f"{query.distance:.2f} m"
     if steps is None:
         reach = min(gallery.distances[-1] * (matching.DEFAULT.rounds + 1), matching.FARTHEST)
+        if query.distance < reach:
+            raise Unreachable(
+                f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
+                f"target with these facings; turn one of the keys, or set a key in between"
+            )
         raise Unreachable(
             f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
             f"target; the farthest within reach is about {reach:.0f} m; set a key in between"

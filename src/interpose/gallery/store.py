@@ -133,6 +133,7 @@ def save(gallery: Gallery, out: Path) -> None:
         **gallery.info,
     }
     temporary = out.with_name(f".{out.name}.{os.getpid()}")
+    before = out.with_name(f".{out.name}.{os.getpid()}.before")
     try:
         temporary.mkdir(parents=True)
         for names, owner in ((_TRACKS, gallery.tracks), (_INDEX, gallery.index)):
@@ -140,12 +141,15 @@ def save(gallery: Gallery, out: Path) -> None:
                 np.save(temporary / f"{name}.npy", getattr(owner, name))
         (temporary / META).write_text(json.dumps(meta, indent=1, ensure_ascii=False), encoding="utf-8")
         if out.exists():
-            shutil.rmtree(out)
-        temporary.replace(out)
+            out.rename(before)
+        temporary.rename(out)
     except OSError as error:
         raise InputError(f"the gallery {out} cannot be written: {error.strerror or error}") from None
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        if before.exists() and not out.exists():
+            before.rename(out)
+        for folder in (temporary, before):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _check_free(out: Path) -> None:
