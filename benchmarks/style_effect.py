@@ -1,7 +1,7 @@
 """How much a style and a variant change a transition: `python benchmarks/style_effect.py [MODEL ...]`.
 
 The demo's plain walk of 59 frames in every style of the model, and in one style in six variants: the mean distance of a
-joint between two of them, over all pairs, in centimetres.
+joint between two of them, over all pairs, in centimetres. Once along paths of the gallery, once the model's own way.
 """
 
 from __future__ import annotations
@@ -20,12 +20,15 @@ VARIANTS = 6
 def main(models: list[str | None]) -> None:
     """Prints a row for each model."""
     keys = poses.pose(poses.WALK_LEFT), poses.pose(poses.WALK_RIGHT, (0.0, 2.3))
-    print("| model | between styles, cm | between variants of one style, cm |\n|---|---|---|")
+    print("| model | path | between styles, cm | between variants of one style, cm |\n|---|---|---|---|")
     for name in models:
         model = load_model(name)
-        styles = [model.inbetween(*keys, frames=59, style=style)[0].motion for style in model.styles]
-        variants = model.inbetween(*keys, frames=59, style=model.styles[0], variants=VARIANTS, seed=1)
-        print(f"| {name or 'default'} | {apart(styles):.1f} | {apart([v.motion for v in variants]):.1f} |")
+        for path in ("auto", "none"):
+            asked = {"frames": 59, "path": path}
+            styles = [model.inbetween(*keys, style=style, **asked)[0].motion for style in model.styles]
+            variants = model.inbetween(*keys, style=model.styles[0], variants=VARIANTS, seed=1, **asked)
+            found = apart(styles), apart([v.motion for v in variants])
+            print(f"| {name or 'default'} | {path} | {found[0]:.1f} | {found[1]:.1f} |")
 
 
 def apart(motions: list[Motion]) -> float:

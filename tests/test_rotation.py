@@ -185,3 +185,10 @@ def test_wrong_shapes_raise() -> None:
         rotation.to_matrix(np.array([0, 0, 0, 1]))
     with pytest.raises(ValueError, match="zero norm"):
         rotation.to_matrix(np.zeros(4))
+
+
+@given(st.floats(-50.0, 50.0))
+def test_a_wrapped_angle_is_the_shorter_way_round(turn):
+    short = float(rotation.wrapped(turn))
+    assert -np.pi <= short < np.pi
+    np.testing.assert_allclose([np.sin(short), np.cos(short)], [np.sin(turn), np.cos(turn)], atol=1e-9)

@@ -71,6 +71,11 @@ def angle(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch"]:
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., :3], axis=-1), np.abs(q[..., 3])))
 
 
+def wrapped(turn: Float[ndarray, "*batch"] | float) -> Float[ndarray, "*batch"]:
+    """An angle in radians less its whole turns, in [-pi, pi): the shorter way round."""
+    return np.asarray(np.remainder(np.asarray(turn) + np.pi, 2.0 * np.pi) - np.pi)
+
+
 def slerp(
     a: Float[ndarray, "*#batch 4"], b: Float[ndarray, "*#batch 4"], t: Float[ndarray, "*#batch"]
 ) -> Float[ndarray, "*batch 4"]:

@@ -136,3 +136,12 @@ def test_pose_yaw_of_hips_upside_down_is_zero() -> None:
 def test_pose_yaw_ignores_the_sign_of_the_quaternion() -> None:
     q = about_y(np.linspace(-3.1, 3.1, 50))
     np.testing.assert_allclose(root.pose_yaw(q), root.pose_yaw(-q), atol=1e-12)
+
+
+def test_ground_vectors_turn_as_poses_do():
+    for yaw in (0.0, 0.7, -2.5):
+        about = rotation.from_rotation_vector(np.array([0.0, yaw, 0.0]))
+        v = np.array([[0.3, -1.2], [2.0, 0.1]])
+        there = rotation.rotate(about, np.stack([v[:, 0], np.zeros(2), v[:, 1]], axis=-1))[:, ::2]
+        np.testing.assert_allclose(root.turned(v, yaw), there, atol=1e-12)
+        assert root.yaw(root.turned(np.array([0.0, 1.0]), yaw)) == pytest.approx(yaw)

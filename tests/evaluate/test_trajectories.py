@@ -45,6 +45,7 @@ def test_rows_say_what_they_should(gaps, gallery, session):
             rows[method, "L2P"].value / rows["interp", "L2P"].value
         )
     assert ("none", "path_deviation") not in rows
+    assert rows["straight", "path_deviation"].value != rows["true", "path_deviation"].value
     assert rows["gallery", "path_deviation"].value > 0.0
     assert rows["interp", "ADE"].ratio_to_interp == 1.0
     assert np.isnan(rows["truth", "foot_slide"].ratio_to_interp)

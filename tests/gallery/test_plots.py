@@ -15,6 +15,7 @@ from interpose.gallery.plots import canvas, distances, match, plot, variants
 from interpose.gallery.proposals import Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import POSTURE, Tracks
+from interpose.rotation import wrapped
 
 pytest.importorskip("matplotlib")
 
@@ -111,7 +112,7 @@ def test_variants_are_exact_paths_for_each_difference_of_facing(gallery: Gallery
         for proposal in each.proposals:
             assert proposal.path[0] == pytest.approx(each.query.start)
             assert proposal.path[-1, :2] == pytest.approx(each.query.target[:2])
-            off = canvas.wrapped(float(proposal.path[-1, 2]) - each.query.target[2])
+            off = wrapped(float(proposal.path[-1, 2]) - each.query.target[2])
             assert off == pytest.approx(0.0, abs=1e-9)
     assert min(len(each.proposals) for each in shown[:2]) >= 4  # this small gallery has no more that differ
     again = variants.variants(gallery, 2.0, seed=5)
@@ -191,13 +192,13 @@ def test_the_stages_are_those_of_a_candidate_that_serves_the_query(gallery: Gall
     assert own.distance == pytest.approx(one.query.distance, rel=0.031)
     assert one.query.distance == pytest.approx(2.0, rel=0.031)
     # The angle turns the candidate's way onto the query's.
-    assert canvas.wrapped(own.heading + one.angle - one.query.heading) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(own.heading + one.angle - one.query.heading) == pytest.approx(0.0, abs=1e-9)
     assert turned[-1, :2] == pytest.approx(one.query.target[:2])
     # What both facings are off is the error of equation 7, and gone in the finished path.
     assert abs(one.off[0]) + abs(one.off[1]) == pytest.approx(one.trace.error, abs=3e-4)
     for row, end, off in ((0, one.query.start, one.off[0]), (-1, one.query.target, one.off[1])):
-        assert canvas.wrapped(turned[row, 2] - end[2] - off) == pytest.approx(0.0, abs=1e-9)
-        assert canvas.wrapped(placed[row, 2] - end[2]) == pytest.approx(0.0, abs=1e-9)
+        assert wrapped(turned[row, 2] - end[2] - off) == pytest.approx(0.0, abs=1e-9)
+        assert wrapped(placed[row, 2] - end[2]) == pytest.approx(0.0, abs=1e-9)
         assert placed[row, :2] == pytest.approx(end[:2])
 
 

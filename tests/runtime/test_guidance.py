@@ -1,13 +1,16 @@
 """Plans of where the root shall go, and that the network is shown them as it was in training."""
 
+from dataclasses import replace
+
 import learning
 import numpy as np
 import pytest
 import torch
 
 from interpose.errors import InputError
-from interpose.gallery import paths, store
+from interpose.gallery import paths, proposals, store
 from interpose.gallery.drawfile import Drawn
+from interpose.gallery.proposals import Asked
 from interpose.gallery.tracks import from_database, track_of
 from interpose.motion import Motion
 from interpose.runtime import guidance, rollout
@@ -179,3 +182,13 @@ def test_known_motion_around_the_gap_gives_velocities():
     assert after is not None
     lone = Gap(gap.context[-1], gap.target[0])
     assert lone.ends.velocities == (None, None)
+
+
+def test_a_way_of_another_style_is_taken_where_it_is_clearly_nearer_to_the_networks_own(gallery):
+    gap = gap_of()
+    (near,) = proposals.propose(gallery, gap.query, Asked(46), gap.ends)
+    aside = 0.5 * np.sin(np.linspace(0.0, np.pi, 47))[:, None] * np.array([1.0, 1.0, 0.0])
+    far = replace(near, path=near.path + aside)
+    taken = guidance._of_any_style(gallery, gap.query, gap.ends, far, near.path, 0)
+    assert paths.apart(taken.path, near.path) < 0.1
+    assert guidance._of_any_style(gallery, gap.query, gap.ends, near, near.path, 0) is near

@@ -69,9 +69,7 @@ def evaluate(data: str, methods: str, model: str | None, out: str, context: int,
         model=model,
         progress=lambda message: print(message, file=sys.stderr, flush=True),
     )
-    print((folder / "results.md").read_text(encoding="utf-8"), end="")
-    print(f"wrote {folder}", file=sys.stderr)
-    return 0
+    return _show(folder)
 
 
 def evaluate_gallery(data: str, gallery: str | None, model: str | None, out: str, part: str, seed: int) -> int:
@@ -91,6 +89,11 @@ def evaluate_gallery(data: str, gallery: str | None, model: str | None, out: str
         seed=seed,
         progress=lambda message: print(message, file=sys.stderr, flush=True),
     )
+    return _show(folder)
+
+
+def _show(folder: Path) -> int:
+    """Prints the tables of an evaluation; the exit status."""
     print((folder / "results.md").read_text(encoding="utf-8"), end="")
     print(f"wrote {folder}", file=sys.stderr)
     return 0

@@ -18,14 +18,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from interpose import retarget
 from interpose.data import database
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery import plots, proposals, store
 from interpose.gallery.matching import Query
 from interpose.gallery.proposals import Asked, Proposal
 from interpose.gallery.speeds import Suggestion
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
-from interpose.gallery.weighing import RATE, Ends
+from interpose.gallery.weighing import NOTHING_KNOWN, Ends
 from interpose.motion import Motion
+from interpose.rotation import wrapped
 from interpose.runtime import generated, session
 
 _PLACE = re.compile(r"[^,:]+,[^,:]+,[^,:]+")
@@ -99,22 +101,22 @@ def gallery_of(name: str) -> Gallery:
     path = Path(name)
     if path.suffix == ".npz" or (path / store.META).exists():
         return store.load(path)
-    models = {folder.name: folder for folder in session.installed()}
-    if name in models or (path / "model.json").exists():
+    try:
         found = session.load(name).gallery
-        if found is None:
-            raise InputError(f"the model '{name}' has no gallery; make one with 'interpose gallery build'")
-        return found
-    known = ", ".join(models) or "none"
-    raise InputError(
-        f"{name} is no gallery and no model with one; give a folder of 'interpose gallery build', or one of {known}"
-    )
+    except InputError:
+        known = ", ".join(folder.name for folder in session.installed()) or "none"
+        raise InputError(
+            f"{name} is no gallery and no model with one; give a folder of 'interpose gallery build', or one of {known}"
+        ) from None
+    if found is None:
+        raise InputError(f"the model '{name}' has no gallery; make one with 'interpose gallery build'")
+    return found
 
 
 def _query(start: str, target: str) -> tuple[Query, Ends]:
     places = [_place(text) if _PLACE.fullmatch(text) and not Path(text).exists() else None for text in (start, target)]
     if all(place is not None for place in places):
-        return Query(*(place for place in places if place is not None)), Ends()
+        return Query(*(place for place in places if place is not None)), NOTHING_KNOWN
     if any(place is not None for place in places):
         raise InputError("give two poses of files, or two places X,Z,DEG, not one of each")
     from interpose.cli.generate import pose
@@ -150,7 +152,7 @@ def _row(gallery: Gallery, one: Proposal) -> dict[str, Any]:
 
 
 def _print(wanted: Query, told: Suggestion, rows: list[dict[str, Any]]) -> None:
-    turn = (wanted.target[2] - wanted.start[2] + np.pi) % (2.0 * np.pi) - np.pi
+    turn = wrapped(wanted.target[2] - wanted.start[2])
     print(f"{wanted.distance:.2f} m, a turn of {np.degrees(turn):.0f} degrees")
     others = ", ".join(f"{g.speed} {g.steps - 1} ({g.fit:.0%})" for g in told.groups)
     print(f"{told.steps - 1} frames at 30 Hz suggested; {others}\n")

@@ -112,7 +112,11 @@ class Database:
 
     def clip(self, index: int) -> Motion:
         """One clip as a motion of the humanoid, in double precision."""
-        start, stop = self.ranges[index]
+        start, stop = self.ranges[index].tolist()
+        return self.motion(start, stop)
+
+    def motion(self, start: int, stop: int) -> Motion:
+        """The frames [start, stop) as a motion of the humanoid, in double precision."""
         turned: Float[ndarray, "frame 22 4"] = self.local_rotations[start:stop].astype(float)
         turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
         return Motion(HUMANOID, self.root_positions[start:stop].astype(float), turned, RATE)

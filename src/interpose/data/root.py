@@ -77,6 +77,12 @@ def yaw(directions: Float[ndarray, "*batch 2"]) -> Float[ndarray, "*batch"]:
     return np.asarray(np.arctan2(directions[..., 0], directions[..., 1]))
 
 
+def turned(v: Float[ndarray, "*#batch 2"], yaw: Float[ndarray, "*#batch"] | float) -> Float[ndarray, "*batch 2"]:
+    """Ground vectors (x, z) turned about +Y by ``yaw``. Shapes broadcast."""
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    return np.stack([v[..., 0] * cos + v[..., 1] * sin, v[..., 1] * cos - v[..., 0] * sin], axis=-1)
+
+
 def pose_yaw(q_hips_world: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch"]:
     """The facing of a single pose in (-pi, pi]: the twist about +Y of the hips' global rotation.
 

@@ -96,7 +96,7 @@ def from_model(
     loaded, or where the skeleton is no humanoid.
     """
     from interpose import retarget
-    from interpose.runtime import feet, rollout, session
+    from interpose.runtime import rollout, session
 
     loaded = session.load(model)
     mapping = retarget.plan(skeleton)
@@ -124,13 +124,27 @@ def from_model(
         made_root, made_local, contacts = rollout.generate_batch(
             loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
         )
-        whole_root = np.concatenate([start[0][:, -1:], made_root, end_root], axis=1)
-        whole_local = np.concatenate([start[1][:, -1:], made_local, end_local], axis=1)
-        planted = feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
-        root, local = carried(retarget.from_humanoid, HUMANOID, made_root, planted[:, 1:-1])
+        standing = planted(start, (end_root, end_local), made_root, made_local, contacts)
+        root, local = carried(retarget.from_humanoid, HUMANOID, made_root, standing)
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)
+
+
+def planted(
+    start: tuple[ndarray, ndarray],
+    end: tuple[ndarray, ndarray],
+    root: Float[ndarray, "window frame 3"],
+    local: Float[ndarray, "window frame 22 4"],
+    contacts: Float[ndarray, "window frame 4"],
+) -> Float[ndarray, "window frame 22 4"]:
+    """The local rotations of a roll-out with its feet planted, as in use. ``start``, ``end``: root positions and local
+    rotations (window, frame, ...) of the known frames, whose last and whose first are the keys."""
+    from interpose.runtime import feet
+
+    whole_root = np.concatenate([start[0][:, -1:], root, end[0][:, :1]], axis=1)
+    whole_local = np.concatenate([start[1][:, -1:], local, end[1][:, :1]], axis=1)
+    return feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))[:, 1:-1]
 
 
 def continued(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -21,8 +20,6 @@ LENGTHS = (*lafan1.LENGTHS, 60, 90)
 TRUTH = "truth"
 """The name under which the tables show the metrics that need no comparison for the true motion."""
 TOES = ("LeftToe", "RightToe")
-RATED = ("L2P", "L2Q", "L2Q_aligned", "NPSS", "ADE", "SLDE", "foot_slide")
-"""The metrics for which a ratio to interpolation says something."""
 HEADING = """# LaFAN1
 
 Test windows of subject 5: the official protocol (`lafan1`) up to 45 frames, longer windows (`lafan1-extended`) beyond.
@@ -118,11 +115,15 @@ def case_rows(
 ) -> list[Row]:
     """All metrics of all methods on one transition length, each with its ratio to interp, and the truth's beside."""
     base = scores(case, INTERP)
-    rows = list(_rows(case, TRUTH, lafan1.PAST, truth_scores(case), base, seed))
+    rows = list(
+        tables.scored(truth_scores(case), {}, TRUTH, lafan1.protocol(case.frames), case.frames, lafan1.PAST, seed)
+    )
     for method in methods:
         progress(f"{method.name}: {len(case.windows)} transitions of {case.frames} frames")
         found = base if method is INTERP else scores(case, method)
-        rows += _rows(case, method.name, method.context_frames, found, base, seed)
+        rows += tables.scored(
+            found, base, method.name, lafan1.protocol(case.frames), case.frames, method.context_frames, seed
+        )
     return rows
 
 
@@ -170,21 +171,3 @@ def _alone(case: Case, positions: Float[ndarray, "window frame joint 3"]) -> dic
         "arrival_position": metrics.arrival_position(with_keys[:, :-1], with_keys[:, -1]),
         "key_acceleration": metrics.key_acceleration(positions, rate, start, target),
     }
-
-
-def _rows(
-    case: Case, method: str, context_frames: int, found: dict[str, Scores], base: dict[str, Scores], seed: int
-) -> Iterator[Row]:
-    for name, score in found.items():
-        draws = score.bootstrap(seed)
-        low, high = metrics.interval(draws)
-        ratio = ratio_low = ratio_high = float("nan")
-        if name in RATED and method != TRUTH and base[name].value > 0.0:
-            ratio = score.value / base[name].value
-            base_draws = base[name].bootstrap(seed)
-            ratios = np.divide(draws, base_draws, out=np.full_like(draws, np.nan), where=base_draws > 0.0)
-            ratio_low, ratio_high = metrics.interval(ratios)
-        protocol = lafan1.protocol(case.frames)
-        yield Row(
-            method, protocol, case.frames, name, score.value, ratio, low, high, context_frames, ratio_low, ratio_high
-        )

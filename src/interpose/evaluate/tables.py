@@ -9,11 +9,14 @@ import csv
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from interpose.errors import InputError
+from interpose.evaluate.metrics import Scores, interval
 from interpose.io.files import write_whole
 
 METRICS = {
@@ -37,6 +40,8 @@ METRICS = {
     "diversity": ("m between the roots of seven variants", 3),
 }
 """Metric to unit and printed digits, in the order of the tables."""
+RATED = ("L2P", "L2Q", "L2Q_aligned", "NPSS", "ADE", "SLDE", "foot_slide")
+"""The metrics for which a ratio to interpolation says something."""
 TICKS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50)
 
 
@@ -58,6 +63,31 @@ class Row:
     context_frames: int
     ratio_ci_low: float
     ratio_ci_high: float
+
+
+def scored(
+    found: Mapping[str, Scores],
+    base: Mapping[str, Scores],
+    method: str,
+    protocol: str,
+    frames: int,
+    context_frames: int,
+    seed: int = 0,
+) -> Iterator[Row]:
+    """A row for each metric of a method, with 95 % intervals by bootstrap over windows.
+
+    base: interp's scores on the same windows, for the ratios of the metrics in :data:`RATED`; empty for none.
+    """
+    for name, score in found.items():
+        draws = score.bootstrap(seed)
+        low, high = interval(draws)
+        ratio = ratio_low = ratio_high = float("nan")
+        if name in RATED and name in base and base[name].value > 0.0:
+            ratio = score.value / base[name].value
+            of_base = base[name].bootstrap(seed)
+            ratios = np.divide(draws, of_base, out=np.full_like(draws, np.nan), where=of_base > 0.0)
+            ratio_low, ratio_high = interval(ratios)
+        yield Row(method, protocol, frames, name, score.value, ratio, low, high, context_frames, ratio_low, ratio_high)
 
 
 def write(rows: Sequence[Row], folder: Path, heading: str) -> list[Path]:

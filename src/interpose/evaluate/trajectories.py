@@ -24,17 +24,22 @@ from interpose.data.database import Database
 from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.evaluate import metrics, tables
+from interpose.evaluate.lafan1 import forward_kinematics
+from interpose.evaluate.methods import planted
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import Row
+from interpose.features import RATE
 from interpose.gallery import matching, paths, proposals
 from interpose.gallery.paths import query_of
 from interpose.gallery.proposals import Asked, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
-from interpose.gallery.weighing import Ends, gather
+from interpose.gallery.weighing import NOTHING_KNOWN, Ends, gather
+from interpose.gallery.windows import select
 from interpose.motion import Motion
-from interpose.runtime import feet, guidance, rollout
+from interpose.runtime import guidance, rollout
 from interpose.runtime.guidance import Gap, Wish
+from interpose.runtime.judgement import TOES
 from interpose.runtime.rollout import Path as Way
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
@@ -46,7 +51,6 @@ MOST = 400
 """Windows of one length at most, evenly spaced."""
 VARIANTS, VARIED = 7, 40
 """Variants of a gap, and gaps of a length, for the diversity."""
-TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
 HEADING = """# Paths and durations
 
 One start frame, paths of the true duration, feet planted. In brackets: the ratio to `interp` on the same windows. L2P
@@ -77,7 +81,7 @@ class Gaps:
 
     def gap(self, row: int) -> Gap:
         """One of them as a plan sees it."""
-        keys = Motion(HUMANOID, self.root[row][[0, -1]], self.local[row][[0, -1]], 30.0)
+        keys = Motion(HUMANOID, self.root[row][[0, -1]], self.local[row][[0, -1]], RATE)
         return Gap(keys[0], keys[1])
 
 
@@ -123,17 +127,18 @@ def cut(database: Database, ranges: list[tuple[int, int]], frames: int, offset: 
     if not len(starts):
         raise InputError(f"{database.path}: no range of it holds a gap of {frames} frames; use shorter gaps")
     starts = starts[np.unique(np.linspace(0, len(starts) - 1, MOST).astype(int))]
-    index = starts[:, None] + np.arange(frames + 2)
-    local = database.local_rotations[index].astype(float)
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    root = database.root_positions[index].astype(float)
+    recorded = [database.motion(start, start + frames + 2) for start in starts.tolist()]
+    root = np.stack([motion.root_positions for motion in recorded])
+    local = np.stack([motion.local_rotations for motion in recorded])
     up = np.array([0.0, 1.0, 0.0])
     turn = rotation.inverse(rotation.twist(local[:, 0, 0], up))[:, None]
     root = rotation.rotate(turn, root - root.mean(axis=1, keepdims=True) * [1.0, 0.0, 1.0])
     local[:, :, 0] = rotation.multiply(turn, local[:, :, 0])
-    motions = [Motion(HUMANOID, r, q, 30.0) for r, q in zip(root, local, strict=True)]
+    motions = [Motion(HUMANOID, r, q, RATE) for r, q in zip(root, local, strict=True)]
     ends = [Ends((posture_of(motion[0])[0], posture_of(motion[-1])[0])) for motion in motions]
-    return Gaps(root, local, _placed(root, local), [track_of(motion) for motion in motions], ends)
+    return Gaps(
+        root, local, forward_kinematics(HUMANOID, root, local)[1], [track_of(motion) for motion in motions], ends
+    )
 
 
 def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> Iterator[Row]:
@@ -146,8 +151,10 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
     six = base[:, 1:-1, 3:].reshape(len(gaps), gaps.frames, len(HUMANOID), 6)
     straight = kinematics.global_positions(base[:, 1:-1, :3], rotation.from_6d(six), HUMANOID.parents, HUMANOID.offsets)
     reference = _scores(gaps, straight, scale)
-    yield from _rows(gaps, "interp", reference, reference, seed)
-    yield from _rows(gaps, "truth", {"foot_slide": _slide(gaps, gaps.positions[:, 1:-1])}, {}, seed)
+    yield from tables.scored(reference, reference, "interp", "gallery", gaps.frames, 1, seed)
+    yield from tables.scored(
+        {"foot_slide": _slide(gaps, gaps.positions[:, 1:-1])}, {}, "truth", "gallery", gaps.frames, 1, seed
+    )
     ways: dict[str, list[Way | None]] = {
         "none": [None] * len(gaps),
         "straight": [paths.straight(query_of(way), steps) for way in gaps.ways],
@@ -157,14 +164,13 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
     }
     for name, chosen in ways.items():
         root, local = _filled(session, gaps, chosen)
-        found = _scores(gaps, _placed(root, local), scale)
-        led = [row for row, way in enumerate(chosen) if way is not None]
-        if led:
-            away = [np.linalg.norm(root[r][:, [0, 2]] - chosen[r][1:-1, :2], axis=-1).mean() for r in led]  # type: ignore[index]
+        found = _scores(gaps, forward_kinematics(HUMANOID, root, local)[1], scale)
+        away = [rollout.strayed(way_made, way) for way_made, way in zip(root, chosen, strict=True) if way is not None]
+        if away:
             found["path_deviation"] = metrics.mean(np.array(away)[:, None])
-        yield from _rows(gaps, name, found, reference, seed)
+        yield from tables.scored(found, reference, name, "gallery", gaps.frames, 1, seed)
     for name, found in _diversity(gaps, gallery, session, seed).items():
-        yield from _rows(gaps, name, {"diversity": found}, {}, seed)
+        yield from tables.scored({"diversity": found}, {}, name, "gallery", gaps.frames, 1, seed)
 
 
 def _planned(session: Session, gallery: Gallery, gap: Gap, steps: int, seed: int) -> Way | None:
@@ -176,12 +182,11 @@ def _random(gallery: Gallery, way: Way, seed: int) -> Way | None:
     """A direct candidate of about the true duration, drawn at random (Algorithm 1, line 25)."""
     draw, steps = np.random.default_rng(seed), len(way) - 1
     query, lengths = query_of(way), (int(steps / 1.1), int(np.ceil(steps * 1.1)))
-    pool = gather(gallery, query, Ends(), lengths, None, draw)
+    pool = gather(gallery, query, NOTHING_KNOWN, lengths, None, draw)
     if not len(pool):
         return None
-    found, row = pool.found, int(draw.integers(len(pool)))
-    part = matching.Part(int(found.start[row]), int(found.steps[row]), bool(found.mirrored[row]))
-    return paths.retime(paths.place(gallery.tracks, matching.Trace((part,), 0.0), query), steps)
+    (trace,) = matching.traces(select(pool.found, draw.integers(len(pool), size=1)))
+    return paths.retime(paths.place(gallery.tracks, trace, query), steps)
 
 
 def _filled(
@@ -199,17 +204,8 @@ def _filled(
         vary=vary is not None,
         paths=chosen,
     )
-    root = np.concatenate([gaps.root[:, :1], made_root, gaps.root[:, -1:]], axis=1)
-    local = np.concatenate([gaps.local[:, :1], made_local, gaps.local[:, -1:]], axis=1)
-    planted = feet.plant_batch(root, local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))
-    return made_root, planted[:, 1:-1]
-
-
-def _placed(
-    root: Float[ndarray, "gap frame 3"], local: Float[ndarray, "gap frame 22 4"]
-) -> Float[ndarray, "gap frame 22 3"]:
-    world = kinematics.global_rotations(local, HUMANOID.parents)
-    return kinematics.global_positions(root, world, HUMANOID.parents, HUMANOID.offsets)
+    keys = (gaps.root[:, :1], gaps.local[:, :1]), (gaps.root[:, -1:], gaps.local[:, -1:])
+    return made_root, planted(*keys, made_root, made_local, contacts)
 
 
 def _scores(gaps: Gaps, made: Float[ndarray, "gap frame 22 3"], scale: Float[ndarray, "22 3"]) -> dict[str, Scores]:
@@ -276,14 +272,3 @@ def _diversity(gaps: Gaps, gallery: Gallery, session: Session, seed: int) -> dic
             pairs = combinations(range(len(ways)), 2)
             apart[name].append(float(np.mean([np.linalg.norm(root[a] - root[b], axis=-1).mean() for a, b in pairs])))
     return {name: metrics.mean(np.array(values)[:, None]) for name, values in apart.items()}
-
-
-def _rows(gaps: Gaps, method: str, found: dict[str, Scores], base: dict[str, Scores], seed: int) -> Iterator[Row]:
-    for name, score in found.items():
-        draws = score.bootstrap(seed)
-        low, high = metrics.interval(draws)
-        ratio = ratio_low = ratio_high = float("nan")
-        if name in base and base[name].value > 0.0 and name != "jerk_ratio":
-            ratio = score.value / base[name].value
-            ratio_low, ratio_high = metrics.interval(draws / base[name].bootstrap(seed))
-        yield Row(method, "gallery", gaps.frames, name, score.value, ratio, low, high, 1, ratio_low, ratio_high)

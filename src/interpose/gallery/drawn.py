@@ -17,6 +17,7 @@ from numpy import ndarray
 from scipy.interpolate import PchipInterpolator
 
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery import curve as curves
 from interpose.gallery import pacing, paths
 from interpose.gallery.curve import SHORT, TURNED, Curve, gaussian
@@ -26,7 +27,8 @@ from interpose.gallery.pacing import Progress
 from interpose.gallery.paths import ease
 from interpose.gallery.proposals import LONGEST_GAP, Asked
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import RATE, Ends
+from interpose.gallery.weighing import Ends
+from interpose.rotation import wrapped
 
 JOIN = 0.3
 """Metres within which a first or last point stands for the key itself."""
@@ -191,16 +193,16 @@ class _Offset:
     @staticmethod
     def of(curve: Curve, query: Query) -> _Offset:
         """What the keys ask for, the shorter way round."""
-        a = _wrapped(query.start[2] - curve.heading[0])
-        b = _wrapped(query.target[2] - curve.heading[-1])
-        between = _wrapped(b - a)
+        a = float(wrapped(query.start[2] - curve.heading[0]))
+        b = float(wrapped(query.target[2] - curve.heading[-1]))
+        between = float(wrapped(b - a))
         way = min(a, b, key=abs)
         if abs(between) <= ALIKE or curve.length < SHORT or (abs(way) > AHEAD and abs(between) <= OPPOSITE):
             return _Offset(a, None, a + between)
         if abs(way) > AHEAD:
             way = 0.0
         # Each end is reached the shorter way from the way's own.
-        return _Offset(way + _wrapped(a - way), way, way + _wrapped(b - way))
+        return _Offset(way + float(wrapped(a - way)), way, way + float(wrapped(b - way)))
 
     def before(self, curve: Curve) -> Float[ndarray, "sample"]:
         """The facing at the samples of a curve, before it is known how fast it is walked."""
@@ -260,7 +262,3 @@ def _check_speed(path: Float[ndarray, "time 3"]) -> None:
             f"the drawn path goes {speeds[at]:.1f} m/s at x {x:.2f}, z {z:.2f}, {at / RATE:.1f} s from its start; "
             f"{FASTEST:.0f} m/s is the most: give more time, or draw a shorter one"
         )
-
-
-def _wrapped(angle: float) -> float:
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -26,7 +26,6 @@ from interpose.gallery.windows import (
     NONE,
     SHORTEST,
     TURN,
-    Criterion,
     Found,
     Wanted,
     errors,
@@ -34,7 +33,6 @@ from interpose.gallery.windows import (
     first_of,
     join,
     select,
-    to_units,
 )
 
 NEAR = 0.5
@@ -140,7 +138,7 @@ def distance_bin(distance: Float32[ndarray, "*batch"]) -> Int[ndarray, "*batch"]
 
 def best(index: Index, wanted: Wanted, count: int) -> Found:
     """The ``count`` windows of the least error (equation 8), best first; the same as those of `scan.best`."""
-    limit = _units(wanted.threshold)
+    limit = wanted.limit
     found: list[Found] = []
     for floor, rows in _in_order(index, wanted, count):
         if floor > limit:
@@ -154,7 +152,7 @@ def best(index: Index, wanted: Wanted, count: int) -> Found:
 def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Generator) -> Found:
     """Windows drawn at random, each once, of all within the threshold: ``count``, or all where there are fewer, in no
     order."""
-    limit = _units(wanted.threshold)
+    limit = wanted.limit
     reads = [
         (rows, mirrored) for floor, both in _in_order(index, wanted, None) if floor <= limit for rows, mirrored in both
     ]
@@ -206,10 +204,6 @@ class Rows:
         return self.first[in_range] + which - (ends - self.size)[in_range]
 
 
-def _units(threshold: float) -> int:
-    return int(np.floor(threshold / (2.0 * np.pi) * TURN))
-
-
 def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple[int, list[tuple[Rows, int]]]]:
     """Batches of ranges by the least error that they can hold: (that error, [(ranges, mirrored)]).
 
@@ -229,7 +223,7 @@ def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple
     expected = sizes.sum(axis=0) * share
     floors = np.concatenate([_floors(wanted, mirrored) for mirrored in (0, 1)])
     order = np.argsort(floors, kind="stable")
-    order = order[floors[order] <= _units(wanted.threshold)]
+    order = order[floors[order] <= wanted.limit]
     upto = np.cumsum(expected[order % PAIRS])
     done, batch = 0, len(order)
     while done < len(order):
@@ -250,8 +244,7 @@ def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple
 
 def _floors(wanted: Wanted, mirrored: int) -> Int[ndarray, "pair"]:
     """The least error that a window in each pair of sectors can have."""
-    sign = -1.0 if mirrored else 1.0
-    at_start, at_end = (to_units(sign * angle) for angle in wanted.facing)
+    at_start, at_end = wanted.units(mirrored)
     edges = np.arange(SECTORS) * SECTOR
 
     def from_sector(begin: ndarray, width: int, angle: int) -> ndarray:
@@ -293,10 +286,8 @@ def _read(index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], limit: in
     """The windows of the ranges that are as wanted, with errors of at most ``limit``."""
     for ranges, mirrored in reads:
         rows = ranges.all()
-        sign = -1.0 if mirrored else 1.0
-        facing = to_units(sign * wanted.facing[0]), to_units(sign * wanted.facing[1])
         there = index.facing[rows]
-        error = errors(there[:, 0], there[:, 1], facing, wanted.criterion)
+        error = errors(there[:, 0], there[:, 1], wanted.units(mirrored), wanted.criterion)
         distance = index.distance[rows]
         fits = (error <= limit) & (distance >= wanted.distance[0]) & (distance <= wanted.distance[1])
         rows, error = rows[fits], error[fits]
@@ -304,6 +295,3 @@ def _read(index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], limit: in
         yield Found(
             index.start[rows].astype(np.int64), index.steps[rows].astype(np.int64), side, error.astype(np.int64)
         )
-
-
-__all__ = ["Criterion", "Index", "Progress", "best", "build", "sample"]

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.gallery.tracks import Tracks
-from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found, Wanted, features
+from interpose.gallery.windows import LONGEST, SHORTEST, Found, Wanted, features, select, to_radians
 
 Search = Callable[[Wanted, int], Found]
 """The windows wanted, so many at most, best first: `index.best` or `scan.best` of a gallery."""
@@ -29,7 +29,7 @@ IN_PLACE = 0.1
 LEAST = 0.03
 """Metres: a part of a composition is at least this long."""
 FARTHEST = 100.0
-"""Metres of a query at most; five of the longest windows do not reach farther."""
+"""Metres of a query at most; six of the longest windows do not reach farther."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def direct(
     settings: Settings = DEFAULT,
 ) -> list[Trace]:
     """The ``count`` best direct candidates (Algorithm 1, lines 9 to 15), best first; empty where there is none."""
-    return _traces(search(wanted(query, steps, styles, settings), count))
+    return traces(search(wanted(query, steps, styles, settings), count))
 
 
 def compose(
@@ -175,7 +175,7 @@ class _Task:
         if rounds < self.settings.rounds:  # the whole query has been asked directly before
             found = self._ask(asked, 8 * self.settings.branches)
             if len(found):
-                return _traces(found)[int(self.generator.integers(len(found)))]
+                return traces(found)[int(self.generator.integers(len(found)))]
         if rounds == 0 or steps[1] < 2 * SHORTEST or self.searches >= self.settings.searches:
             return None
         share = self._share(distance, steps, rounds)
@@ -189,11 +189,11 @@ class _Task:
         first = replace(asked, distance=band(share * distance, self.settings), criterion="start", steps=paced)
         found = self._ask(first, 16 * self.settings.branches)
         order = self.generator.permutation(len(found))[: self.settings.branches]
-        branches = _traces(Found(found.start[order], found.steps[order], found.mirrored[order], found.error[order]))
+        branches = traces(select(found, order))
         for branch in branches:
             part = branch.parts[0]
             length, _, end = features(self.tracks.root, np.array([part.start]), part.steps)
-            turned = float(end[0]) / TURN * 2.0 * np.pi * (-1.0 if part.mirrored else 1.0)
+            turned = float(to_radians(int(end[0]))) * (-1.0 if part.mirrored else 1.0)
             left = max(0, steps[0] - part.steps), steps[1] - part.steps
             rest = distance - float(length[0])
             if rest < LEAST:
@@ -222,6 +222,7 @@ class _Task:
         return float(np.clip(self.distances[self.generator.integers(low, high)] / distance, least, most))
 
 
-def _traces(found: Found) -> list[Trace]:
+def traces(found: Found) -> list[Trace]:
+    """Each window as a trace of its own."""
     rows = zip(found.start.tolist(), found.steps.tolist(), found.mirrored.tolist(), found.error.tolist(), strict=True)
-    return [Trace((Part(start, steps, bool(side)),), error / TURN * 2.0 * np.pi) for start, steps, side, error in rows]
+    return [Trace((Part(start, steps, bool(side)),), float(to_radians(error))) for start, steps, side, error in rows]

@@ -19,14 +19,14 @@ from numpy import ndarray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
+from interpose.features import RATE
 from interpose.gallery import matching, weighing
 from interpose.gallery.curve import SHORT, Curve, gaussian
 from interpose.gallery.matching import IN_PLACE, Query
 from interpose.gallery.proposals import Asked
 from interpose.gallery.speeds import group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.tracks import mirror_posture, posture_distance
-from interpose.gallery.weighing import RATE, SKETCH, Costs, Ends, Pool
+from interpose.gallery.weighing import SKETCH, Costs, Ends, Pool
 from interpose.gallery.windows import LONGEST, SHORTEST
 
 SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
@@ -221,12 +221,10 @@ def _weights(
     if length >= IN_PLACE:
         cost += 0.5 * np.square(np.log(own / length) / LIKE_LENGTH)
     if ends.postures is not None and not all(outer):
-        found, side = pool.found, pool.found.mirrored.astype(bool)[:, None]
+        found = pool.found
         for frame, wanted, here in zip((found.start, found.start + found.steps), ends.postures, outer, strict=True):
             if here:
-                theirs = gallery.tracks.posture[frame].astype(float)
-                theirs = np.where(side, mirror_posture(theirs), theirs)
-                cost += 0.5 * np.square(posture_distance(theirs, wanted) / Costs().posture)
+                cost += 0.5 * weighing.unlike(gallery.tracks, found, frame, wanted, Costs())
     return np.exp(cost.min() - cost)
 
 

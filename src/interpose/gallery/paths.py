@@ -17,10 +17,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
+from interpose.data.root import turned
+from interpose.features import RATE
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.tracks import Tracks
+from interpose.rotation import wrapped
 
-RATE = 30.0
 FADE = 15
 """Frames from a join, or from an end of a known velocity, over which corrections die away."""
 
@@ -47,16 +49,16 @@ def stages(tracks: Tracks, trace: Trace, query: Query) -> Steps:
     cuts = [tracks.cut(part.start, part.steps, part.mirrored) for part in trace.parts]
     lengths = [float(np.hypot(*(cut[-1] - cut[0])[:2])) for cut in cuts]
     scale = 1.0 if query.in_place else query.distance / sum(lengths)
-    turned, at = [], np.array(query.start[:2])
+    laid, at = [], np.array(query.start[:2])
     for cut in cuts:
         way = cut[-1] - cut[0]  # of a window that is shorter than what counts as a way, too
         heading = cut[0, 2] if query.in_place else np.arctan2(way[0], way[1])
-        turned.append(turn(cut, float(query.heading - heading), scale, at))
-        at = turned[-1][-1, :2]
-    whole = turned[0]
-    for part in turned[1:]:
+        laid.append(turn(cut, float(query.heading - heading), scale, at))
+        at = laid[-1][-1, :2]
+    whole = laid[0]
+    for part in laid[1:]:
         whole = join(whole, part)
-    return Steps(np.concatenate(cuts), np.concatenate(turned), fit(whole, query))
+    return Steps(np.concatenate(cuts), np.concatenate(laid), fit(whole, query))
 
 
 def query_of(track: Float[ndarray, "time 3"]) -> Query:
@@ -69,10 +71,8 @@ def turn(
     track: Float[ndarray, "time 3"], angle: float, scale: float, origin: Float[ndarray, "2"]
 ) -> Float[ndarray, "time 3"]:
     """A path turned about its start by ``angle``, scaled, and moved to begin at ``origin``."""
-    away = track[:, :2] - track[0, :2]
-    sin, cos = np.sin(angle), np.cos(angle)
-    x, z = away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin
-    return np.stack([origin[0] + scale * x, origin[1] + scale * z, track[:, 2] + angle], axis=-1)
+    ground = origin + scale * turned(track[:, :2] - track[0, :2], angle)
+    return np.concatenate([ground, track[:, 2:] + angle], axis=-1)
 
 
 def join(a: Float[ndarray, "before 3"], b: Float[ndarray, "after 3"]) -> Float[ndarray, "time 3"]:
@@ -135,7 +135,7 @@ def retime(track: Float[ndarray, "time 3"], steps: int) -> Float[ndarray, "other
 def straight(query: Query, steps: int) -> Float[ndarray, "time 3"]:
     """The straight line at an even pace, turning evenly the shorter way round."""
     start, target = np.array(query.start), np.array(query.target)
-    target[2] = start[2] + np.remainder(target[2] - start[2] + np.pi, 2.0 * np.pi) - np.pi
+    target[2] = start[2] + wrapped(target[2] - start[2])
     return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (target - start)
 
 

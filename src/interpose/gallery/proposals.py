@@ -16,13 +16,14 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery import index as indexing
 from interpose.gallery import matching, paths
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.speeds import Suggestion, check_speed, group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import NOTHING_KNOWN, RATE, SAMPLE, SKETCH, Costs, Ends, Pool, gather, wandering
-from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found
+from interpose.gallery.weighing import NOTHING_KNOWN, SAMPLE, SKETCH, Costs, Ends, Pool, gather, wandering
+from interpose.gallery.windows import LONGEST, SHORTEST, Found, select
 
 NEAR = 512
 """Of these, the cheapest are what variants are chosen from."""
@@ -109,7 +110,7 @@ def propose(
         made = _from_pool(gallery, query, ends, pool, count, [asked.steps] * count, hint=hint)
         if len(made) < count:
             made += _composed(gallery, query, ends, asked.steps, styles, count - len(made), draw, before=made)
-        return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw)
+        return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw, hint)
     pool = gather(gallery, query, ends, (SHORTEST, LONGEST), styles, draw)
     if not len(pool):
         made = _composed(gallery, query, ends, None, styles, count, draw, speed=asked.speed)
@@ -171,9 +172,7 @@ def _from_pool(
                 break
             with np.errstate(divide="ignore"):
                 row = int(np.argmax(np.log(apart) - FAVOUR * cheap.cost))
-        found = cheap.found
-        part = matching.Part(int(found.start[row]), int(found.steps[row]), bool(found.mirrored[row]))
-        trace = Trace((part,), float(found.error[row]) * 2.0 * np.pi / TURN)
+        (trace,) = matching.traces(select(cheap.found, np.array([row])))
         made.append(_proposal(gallery, query, ends, trace, wanted, float(cheap.misfit[row])))
         taken.append((cheap.sketch[row], made[-1].steps))
     return made[len(before) :]
@@ -222,9 +221,7 @@ def _near_copy(query: Query) -> float:
 
 def _proposal(gallery: Gallery, query: Query, ends: Ends, trace: Trace, steps: int | None, cost: float) -> Proposal:
     path = paths.place(gallery.tracks, trace, query)
-    tracks = gallery.tracks
-    clip = int(np.searchsorted(tracks.ranges[:, 0], trace.parts[0].start, side="right")) - 1
-    style = tracks.styles[int(tracks.clip_styles[clip])]
+    style = gallery.tracks.style_of(trace.parts[0].start)
     timed = path if steps is None else paths.retime(path, steps)
     return Proposal(paths.meet(timed, ends.velocities), trace, style, 1.0 / (1.0 + max(cost, 0.0)))
 
@@ -279,11 +276,12 @@ def _stretched(
     styles: tuple[int, ...] | None,
     count: int,
     draw: np.random.Generator,
+    hint: Float[ndarray, "time 3"] | None,
 ) -> list[Proposal]:
     """Paths walked in other times and retimed, where none was walked in that time."""
     low, high = _around(steps, MOST_STRETCH)
     pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=steps)
-    made = _from_pool(gallery, query, ends, pool, count, [steps] * count)
+    made = _from_pool(gallery, query, ends, pool, count, [steps] * count, hint=hint)
     return made or _unreachable(gallery, query, steps, styles)
 
 

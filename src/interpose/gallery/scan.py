@@ -11,22 +11,18 @@ from interpose.gallery.tracks import Tracks
 from interpose.gallery.windows import (
     LONGEST,
     SHORTEST,
-    TURN,
     Found,
     Wanted,
     errors,
     features,
     first_of,
     join,
-    to_units,
 )
 
 
 def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
     """The ``count`` windows of the least error (equation 8), by looking at all of them."""
     able = [c for c in range(len(tracks.ranges)) if wanted.styles is None or tracks.clip_styles[c] in wanted.styles]
-    facing = to_units(wanted.facing[0]), to_units(wanted.facing[1])
-    limit = int(np.floor(wanted.threshold / (2.0 * np.pi) * TURN))
     parts: list[Found] = []
     for steps in range(max(wanted.steps[0], SHORTEST), min(wanted.steps[1], LONGEST) + 1):
         ranges = tracks.ranges[able]
@@ -37,8 +33,10 @@ def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
         for mirrored in (0, 1):
             root = tracks.root * np.array([-1.0, 1.0, -1.0], dtype=np.float32) if mirrored else tracks.root
             distance, at_start, at_end = features(root, start, steps)
-            error = errors(at_start, at_end, facing, wanted.criterion)
-            rows = np.nonzero((distance >= wanted.distance[0]) & (distance <= wanted.distance[1]) & (error <= limit))[0]
+            error = errors(at_start, at_end, wanted.units(), wanted.criterion)
+            rows = np.nonzero(
+                (distance >= wanted.distance[0]) & (distance <= wanted.distance[1]) & (error <= wanted.limit)
+            )[0]
             same = np.full(len(rows), 1, dtype=np.int64)
             found = Found(start[rows].astype(np.int64), same * steps, same * mirrored, error[rows].astype(np.int64))
             parts.append(first_of(found, count))

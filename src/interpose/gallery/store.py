@@ -24,6 +24,7 @@ from numpy import ndarray
 from interpose.data.database import Database
 from interpose.data.split import training_ranges
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery import index as indexing
 from interpose.gallery.index import Index, Progress
 from interpose.gallery.matching import Search
@@ -80,7 +81,7 @@ class Gallery:
         """Metres a step of the fastest way of at least a second, but for one in a thousand windows."""
         step = max(1, len(self.index) // (64 * QUANTILES))
         steps = self.index.steps[::step].astype(float)
-        pace = (self.index.distance[::step] / steps)[steps >= min(30.0, steps.max())]
+        pace = (self.index.distance[::step] / steps)[steps >= min(RATE, steps.max())]
         return float(np.quantile(pace, 0.999))
 
     def style_indices(self, style: str | None) -> tuple[int, ...] | None:

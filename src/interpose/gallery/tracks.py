@@ -20,8 +20,9 @@ from jaxtyping import Float, Float16, Float32, Int
 from numpy import ndarray
 
 from interpose.data.database import Database
-from interpose.data.root import pose_yaw
+from interpose.data.root import pose_yaw, turned
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
@@ -55,6 +56,10 @@ class Tracks:
         """The number of frames."""
         return len(self.root)
 
+    def style_of(self, frame: int) -> str:
+        """The style of the clip that a frame is in."""
+        return self.styles[int(self.clip_styles[np.searchsorted(self.ranges[:, 0], frame, side="right") - 1])]
+
     def cut(self, start: int, steps: int, mirrored: bool) -> Float[ndarray, "time 3"]:
         """The track of a window, both ends included, in double precision."""
         track = self.root[start : start + steps + 1].astype(float)
@@ -73,9 +78,8 @@ def posture_of(motion: Motion) -> Float[ndarray, "frame 16"]:
     positions = motion.global_positions()
     yaw = pose_yaw(motion.local_rotations[:, 0])[:, None]
     away = positions[:, _INDICES] - positions[:, :1] * [1.0, 0.0, 1.0]
-    side = np.cos(yaw) * away[..., 0] - np.sin(yaw) * away[..., 2]
-    ahead = np.sin(yaw) * away[..., 0] + np.cos(yaw) * away[..., 2]
-    local = np.stack([side, away[..., 1], ahead], axis=-1)
+    local = away.copy()
+    local[..., ::2] = turned(away[..., ::2], -yaw)
     return np.concatenate([positions[:, :1, 1], local.reshape(len(local), -1)], axis=-1)
 
 
@@ -92,9 +96,8 @@ def posture_distance(a: Float[ndarray, "*#batch 16"], b: Float[ndarray, "*#batch
 def sound(track: Float[ndarray, "frame 3"]) -> list[tuple[int, int]]:
     """The ranges [start, stop) of a track at 30 Hz without jumps; all of it where there are none."""
     jumps = np.zeros(len(track) + 1, dtype=bool)  # between a frame and the one before it
-    turned = np.abs(np.diff(track[:, 2])) * 30.0 > QUICKEST
-    jumps[1:-1][turned] = True
-    bend = np.linalg.norm(np.diff(track[:, :2], n=2, axis=0), axis=-1) * 900.0 > HARDEST
+    jumps[1:-1][np.abs(np.diff(track[:, 2])) * RATE > QUICKEST] = True
+    bend = np.linalg.norm(np.diff(track[:, :2], n=2, axis=0), axis=-1) * RATE**2 > HARDEST
     jumps[1:-2][bend] = True
     jumps[2:-1][bend] = True
     cuts = [0, *np.nonzero(jumps)[0].tolist(), len(track)]
@@ -106,11 +109,7 @@ def from_database(database: Database, ranges: list[tuple[int, int]] | None = Non
     chosen = [(int(a), int(b)) for a, b in database.ranges] if ranges is None else ranges
     starts = database.ranges[:, 0]
     labels = database.style_indices()
-    motions = []
-    for start, stop in chosen:
-        turned = database.local_rotations[start:stop].astype(float)
-        turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-        motions.append(Motion(HUMANOID, database.root_positions[start:stop].astype(float), turned, 30.0))
+    motions = [database.motion(start, stop) for start, stop in chosen]
     clips = [int(np.searchsorted(starts, start, side="right")) - 1 for start, _ in chosen]
     return from_motions(motions, [database.styles[labels[clip]] for clip in clips])
 

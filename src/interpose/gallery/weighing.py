@@ -10,15 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
+from interpose.data.root import turned
+from interpose.features import RATE
 from interpose.gallery import index as indexing
 from interpose.gallery import matching
 from interpose.gallery.matching import Query, Settings
 from interpose.gallery.store import Gallery
-from interpose.gallery.tracks import mirror_posture, posture_distance
-from interpose.gallery.windows import LONGEST, NONE, SHORTEST, TURN, Found, join, select
+from interpose.gallery.tracks import Tracks, mirror_posture, posture_distance
+from interpose.gallery.windows import LONGEST, NONE, SHORTEST, Found, join, select, to_radians
+from interpose.rotation import wrapped
 
 SAMPLE = 2048
 """Windows that are weighed for one gap."""
@@ -29,7 +32,6 @@ SKETCH = np.linspace(0.0, 1.0, 13)
 RATIOS = 0.5
 """1 has a length of time count by its ratio to others, 0 by how many frames it differs. 1 is best on the data that a
 gallery is made of, 0 on other data (docs/method.md, D23)."""
-RATE = 30.0
 
 
 @dataclass(frozen=True)
@@ -113,27 +115,31 @@ def weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_steps
     at = found.start[:, None] + np.round(found.steps[:, None] * SKETCH).astype(np.int64)
     sketch = tracks.root[at].astype(float) * np.where(side[:, None, None], [-1.0, 1.0, -1.0], 1.0)
     angle, scale = _placing(query, sketch)
-    placed = _rotated(sketch[..., :2] - sketch[:, :1, :2], angle) * scale[:, None, None]
+    placed = turned(sketch[..., :2] - sketch[:, :1, :2], angle[:, None]) * scale[:, None, None]
     ours = np.array(query.target[:2]) - np.array(query.start[:2])
     placed += SKETCH[:, None] * (ours - placed[:, -1])[:, None]
-    total = wandering(query, placed, sketch[..., 2], costs) + np.square(
-        found.error * (2.0 * np.pi / TURN) / costs.facing
-    )
+    total = wandering(query, placed, sketch[..., 2], costs) + np.square(to_radians(found.error) / costs.facing)
     if target_steps is not None:
         total += np.square(np.log(found.steps / target_steps) / costs.stretch)
     if ends.postures is not None:
         for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
-            theirs = tracks.posture[frame].astype(float)
-            theirs = np.where(side[:, None], mirror_posture(theirs), theirs)
-            total += np.square(posture_distance(theirs, wanted) / costs.posture)
+            total += unlike(tracks, found, frame, wanted, costs)
     for frame, wanted in zip((found.start, found.start + found.steps - 1), ends.velocities, strict=True):
         if wanted is not None:
             step = (tracks.root[frame + 1, :2] - tracks.root[frame, :2]).astype(float) * RATE
             step[side, 0] *= -1.0
-            theirs = _rotated(step[:, None], angle)[:, 0]
-            total += np.sum(np.square((theirs - wanted) / costs.velocity), axis=-1)
+            total += np.sum(np.square((turned(step, angle) - wanted) / costs.velocity), axis=-1)
     prior = RATIOS * np.log(found.steps) if target_steps is None else 0.0
     return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
+
+
+def unlike(
+    tracks: Tracks, found: Found, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"], costs: Costs
+) -> Float[ndarray, "window"]:
+    """Twice the cost of how each window's posture at its ``frame`` differs from that of a key."""
+    theirs = tracks.posture[frame].astype(float)
+    theirs = np.where(found.mirrored.astype(bool)[:, None], mirror_posture(theirs), theirs)
+    return np.square(posture_distance(theirs, wanted) / costs.posture)
 
 
 def wandering(
@@ -142,9 +148,9 @@ def wandering(
     """Twice the cost of what goes a long way or turns a lot for what it reaches."""
     walked = np.linalg.norm(np.diff(ways, axis=1), axis=-1).sum(axis=1)
     detour = np.maximum(np.log((walked + 1e-9) / (query.distance + 0.5)), 0.0)
-    needed = abs((query.target[2] - query.start[2] + np.pi) % (2.0 * np.pi) - np.pi)
-    turned = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
-    return np.square(detour / costs.detour) + np.square(turned / costs.turning)
+    needed = abs(float(wrapped(query.target[2] - query.start[2])))
+    turning = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
+    return np.square(detour / costs.detour) + np.square(turning / costs.turning)
 
 
 def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[ndarray, ndarray]:
@@ -154,11 +160,6 @@ def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[nda
     way = sketch[:, -1, :2] - sketch[:, 0, :2]
     length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
     return query.heading - np.arctan2(way[:, 0], way[:, 1]), query.distance / length
-
-
-def _rotated(v: Float[ndarray, "window time 2"], angle: Float[ndarray, "window"]) -> Float[ndarray, "window time 2"]:
-    sin, cos = np.sin(angle)[:, None], np.cos(angle)[:, None]
-    return np.stack([v[..., 0] * cos + v[..., 1] * sin, v[..., 1] * cos - v[..., 0] * sin], axis=-1)
 
 
 def _unique(found: Found) -> Found:

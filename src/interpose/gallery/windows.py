@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float32, Int, Int32, UInt16
+from jaxtyping import Float, Float32, Int, Int32, UInt16
 from numpy import ndarray
 
 SHORTEST, LONGEST = 15, 150
@@ -40,6 +40,16 @@ class Wanted:
     styles: tuple[int, ...] | None = None
     threshold: float = 2.0 * np.pi
 
+    @property
+    def limit(self) -> int:
+        """The largest error in units of angle."""
+        return int(np.floor(self.threshold / (2.0 * np.pi) * TURN))
+
+    def units(self, mirrored: int = 0) -> tuple[int, int]:
+        """Both facings in units of angle; ``mirrored``, as an unmirrored window is held against them."""
+        sign = -1.0 if mirrored else 1.0
+        return to_units(sign * self.facing[0]), to_units(sign * self.facing[1])
+
 
 @dataclass(frozen=True, eq=False)
 class Found:
@@ -60,6 +70,11 @@ NONE = Found(*(np.zeros(0, dtype=np.int64) for _ in range(4)))
 def to_units(angle: float) -> int:
     """An angle in radians as 65,536ths of a turn, whole turns taken off."""
     return int(np.round(angle / (2.0 * np.pi) * TURN)) % TURN
+
+
+def to_radians(units: Int[ndarray, "*batch"] | int) -> Float[ndarray, "*batch"]:
+    """65,536ths of a turn in radians."""
+    return np.asarray(np.asarray(units) * (2.0 * np.pi / TURN))
 
 
 def features(

@@ -11,17 +11,15 @@ import json
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from interpose.data.database import Database
 from interpose.errors import InputError
 from interpose.gallery import store
 from interpose.gallery.tracks import Tracks, from_motions
 from interpose.io.files import write_whole
-from interpose.motion import Motion, sample
+from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import rollout
-from interpose.runtime.resampling import CONTEXT
+from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
@@ -33,8 +31,6 @@ CHAIN = 600
 """Steps of a chain at most."""
 SHORTEST = 2 * GAPS[1]
 """Frames that a clip must have to carry one."""
-
-Batch = tuple[Float[ndarray, "chain frame 3"], Float[ndarray, "chain frame 22 4"]]
 
 
 def add_gallery(
@@ -82,15 +78,13 @@ def tracks(
     labels = [database.styles[database.style_indices()[clip]] for clip, _ in chains]
     styles = [label if label in session.styles else None for label in labels]
     keys = [keys for _, keys in chains]
-    root = np.asarray(database.root_positions)
-    local = np.asarray(database.local_rotations)
-    made = [_poses(root, local, np.array([k[0]])) for k in keys]
+    made = [database.motion(k[0], k[0] + 1) for k in keys]
     rounds = max(map(len, keys)) - 1
     for turn in range(rounds):
         progress(turn, rounds)
         rows = [row for row, k in enumerate(keys) if len(k) > turn + 1]
-        context = [_last(made[row], CONTEXT if turn else 1) for row in rows]
-        target = [_poses(root, local, np.array([keys[row][turn + 1]])) for row in rows]
+        context = [made[row][-CONTEXT if turn else -1 :] for row in rows]
+        target = [database.motion(keys[row][turn + 1], keys[row][turn + 1] + 1) for row in rows]
         gaps = [keys[row][turn + 1] - keys[row][turn] - 1 for row in rows]
         new_root, new_local, _ = rollout.generate_batch(
             session,
@@ -102,12 +96,8 @@ def tracks(
             style=[styles[row] for row in rows],
         )
         for i, row in enumerate(rows):
-            made[row] = Motion(
-                HUMANOID,
-                np.concatenate([made[row].root_positions, new_root[i, : gaps[i]], target[i].root_positions]),
-                np.concatenate([made[row].local_rotations, new_local[i, : gaps[i]], target[i].local_rotations]),
-                30.0,
-            )
+            gap = Motion(HUMANOID, new_root[i, : gaps[i]], new_local[i, : gaps[i]], MODEL_RATE)
+            made[row] = concatenate(made[row], gap, target[i])
     progress(rounds, rounds)
     return from_motions([sample(motion, np.arange(len(motion) - 1) + 0.5) for motion in made], labels)
 
@@ -135,13 +125,3 @@ def _chains(database: Database, frames: int, draw: np.random.Generator) -> list[
             lasts[clip] = keys[-1] + 1
             order.append(clip)
     return out
-
-
-def _poses(root: ndarray, local: ndarray, frames: ndarray) -> Motion:
-    turned = local[frames].astype(float)
-    turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-    return Motion(HUMANOID, root[frames].astype(float), turned, 30.0)
-
-
-def _last(motion: Motion, frames: int) -> Motion:
-    return motion[-min(frames, len(motion)) :]

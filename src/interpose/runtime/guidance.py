@@ -15,11 +15,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery import drawn, paths, proposals
 from interpose.gallery.drawfile import Drawn
 from interpose.gallery.matching import Query
 from interpose.gallery.proposals import Asked, Proposal, Unreachable
-from interpose.gallery.speeds import Suggestion
+from interpose.gallery.speeds import Suggestion, group_of
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import Ends
@@ -29,7 +30,6 @@ from interpose.runtime import rollout
 from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
 
-RATE = 30.0
 CLEARLY = 0.7
 """How many times as far from the network's own way a trajectory of another style may be, to be taken."""
 
@@ -80,7 +80,8 @@ def _velocity(two: Motion) -> Float[ndarray, "2"]:
 @dataclass(frozen=True)
 class Wish:
     """What is asked of the plans of a gap. steps: at 30 Hz, None where they are to be suggested. path: auto, straight,
-    none or drawn; with drawn, ``line``. style, speed: as in `interpose.runtime.inbetween.Request`."""
+    none or drawn; with drawn, ``line``. style, speed: as in `interpose.runtime.request.Request`. told: what
+    :func:`suggestion` said of it, where steps and line are not given."""
 
     steps: int | None
     path: str = "auto"
@@ -88,6 +89,7 @@ class Wish:
     style: str | None = None
     speed: str | None = None
     seed: int = 0
+    told: Suggestion | None = None
 
 
 def suggestion(gallery: Gallery | None, gap: Gap, wish: Wish) -> Suggestion:
@@ -107,29 +109,26 @@ def plans(session: Session, gallery: Gallery | None, gap: Gap, wish: Wish, count
         assert wish.line is not None
         return _shared([_drawn(gallery, gap, wish)] * count, session, wish)
     steps, note = wish.steps, None
-    if steps is None and (wish.path != "auto" or gallery is None):
-        told = suggestion(gallery, gap, wish)
-        steps = told.steps if wish.speed is None else proposals.group_of(told, wish.speed).steps
+    if steps is None:
+        told = wish.told or suggestion(gallery, gap, wish)
+        steps = told.steps if wish.speed is None else group_of(told, wish.speed).steps
     if wish.path == "straight":
-        assert steps is not None
         line = Plan(steps, paths.straight(gap.query, steps), "straight")
         return _shared([line] * count, session, wish)
     made: list[Plan] = []
     if wish.path == "auto" and gallery is not None:
         try:
-            made, note = _matched(session, gallery, gap, replace(wish, steps=steps), count)
+            made, note = _matched(session, gallery, gap, wish, steps, count)
         except Unreachable as error:
-            if steps is None:
-                raise
             note = f"{error}; the path is the model's own"
-    while len(made) < count:
-        assert steps is not None or made
-        made.append(Plan(made[0].steps if steps is None else steps, note=note))
+    made += [Plan(steps, note=note)] * (count - len(made))
     return _shared(made, session, wish)
 
 
-def _matched(session: Session, gallery: Gallery, gap: Gap, wish: Wish, count: int) -> tuple[list[Plan], str | None]:
-    """Plans along trajectories of the gallery, and what could not be served as asked."""
+def _matched(
+    session: Session, gallery: Gallery, gap: Gap, wish: Wish, steps: int, count: int
+) -> tuple[list[Plan], str | None]:
+    """Plans along trajectories of the gallery, and what could not be served as asked; ``steps``: of the likeliest."""
     query, ends, note = gap.query, gap.ends, None
     style = wish.style
     if style is not None and style not in gallery.styles:
@@ -138,10 +137,6 @@ def _matched(session: Session, gallery: Gallery, gap: Gap, wish: Wish, count: in
     if wish.steps is not None and wish.steps < SHORTEST:
         return [], _too_fast(gallery, query, wish.steps)
     asked = Asked(wish.steps, wish.speed, style)
-    steps = wish.steps
-    if steps is None:
-        told = proposals.suggestion(gallery, query, ends, style, wish.seed)
-        steps = told.steps if wish.speed is None else proposals.group_of(told, wish.speed).steps
     hint = _own_way(session, gap, steps, wish.style)
     try:
         found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)

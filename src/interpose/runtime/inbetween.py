@@ -17,6 +17,7 @@ import numpy as np
 from interpose import retarget
 from interpose.errors import InputError
 from interpose.gallery.drawfile import Drawn
+from interpose.gallery.speeds import Suggestion
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import guidance
@@ -92,9 +93,7 @@ def suggest(
     """
     check_gap(start, target, 1)
     gap = _gap(start, aligned(start, target)[1], mapping_of(start) if mapping is None else mapping)
-    told = guidance.suggestion(request.trajectories, gap, guidance.Wish(None, style=request.style, seed=request.seed))
-    each = tuple(Alternative(g.speed, user_frames(g.steps, start.rate), round(g.fit, 3)) for g in told.groups)
-    return Suggested(user_frames(told.steps, start.rate), each)
+    return _suggested(_told(gap, request), start.rate)
 
 
 def fill(
@@ -161,14 +160,19 @@ def _transitions(
     goal = aligned(starts[0], target)[1]
     rate = starts[0].rate
     line = _line(request, names)
-    suggested = suggest(starts[0], goal, request, mapping=mapping) if frames is None and line is None else None
+    gap = None if isinstance(mapping, str) else _gap(starts[0], goal, mapping)
+    told = suggested = None
+    if frames is None and line is None:
+        told = _told(gap or _gap(starts[0], goal, mapping), request)
+        suggested = _suggested(told, rate)
     fallback = None
     if request.method == "interp" and suggested is not None:
         frames = _frames_at(suggested, request.speed)
     elif request.method != "interp":
         fallback = _why_not(starts[0], frames, request, mapping)
     plans: list[Plan | None] = [None] * len(starts)
-    if request.session is None or isinstance(mapping, str) or request.method == "interp" or fallback is not None:
+    session = request.session
+    if session is None or gap is None or isinstance(mapping, str) or request.method == "interp" or fallback is not None:
         if frames is None:  # a rig that is no humanoid, told of in the fallback
             raise InputError(f"how long this takes is not known: {fallback}; give a number of frames")
         sizes = [frames] * len(starts)
@@ -177,11 +181,10 @@ def _transitions(
         steps = None if frames is None else model_steps(frames, rate)
         path = "drawn" if line is not None else "auto" if request.lines is not None else request.path
         scaled = None if line is None else line.scaled(mapping.scale)
-        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed)
-        gap = _gap(starts[0], goal, mapping)
-        found = guidance.plans(request.session, request.trajectories, gap, wish, len(starts))
+        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed, told)
+        found = guidance.plans(session, request.trajectories, gap, wish, len(starts))
         sizes = [user_frames(plan.steps, rate) if frames is None else frames for plan in found]
-        made = generate(starts, goal, sizes, found, request.session, mapping, request.seed, request.control)
+        made = generate(starts, goal, sizes, found, session, mapping, request.seed, request.control)
         plans = [*found]
     seconds = time.perf_counter() - began
     slides, costs = judge(starts, [one.motion[1:-1] for one in made], target, mapping)
@@ -239,6 +242,16 @@ def _gap(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
     ahead = np.minimum(np.arange(min(2, len(goal))) * goal.rate / MODEL_RATE, len(goal) - 1.0)
     known = retarget.to_humanoid(recent(start, CONTEXT), mapping), retarget.to_humanoid(sample(goal, ahead), mapping)
     return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
+
+
+def _told(gap: Gap, request: Request) -> Suggestion:
+    return guidance.suggestion(request.trajectories, gap, guidance.Wish(None, style=request.style, seed=request.seed))
+
+
+def _suggested(told: Suggestion, rate: float) -> Suggested:
+    """The suggestion in frames of the user's rate."""
+    each = tuple(Alternative(g.speed, user_frames(g.steps, rate), round(g.fit, 3)) for g in told.groups)
+    return Suggested(user_frames(told.steps, rate), each)
 
 
 def _frames_at(suggested: Suggested, speed: str | None) -> int:

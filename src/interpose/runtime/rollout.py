@@ -194,6 +194,12 @@ def guidance(paths: list[Path | None], frames: int) -> Float[ndarray, "batch {fr
     return out
 
 
+def strayed(root: Float[ndarray, "frame 3"], path: Path) -> float:
+    """The mean distance on the ground between the generated root and the path."""
+    way = path[1:-1, :2]
+    return float(np.linalg.norm(root[: len(way), [0, 2]] - way, axis=-1).mean()) if len(way) else 0.0
+
+
 def after(said: dict[str, ndarray]) -> dict[str, ndarray]:
     """The state that a step leaves, of which the velocity is known."""
     state = {name: said[f"next_{name}"] for name in state_shapes() if name != "velocity_known"}

@@ -124,7 +124,7 @@ def generate(
     on_rig = retarget.from_humanoid(whole, mapping, details)
     ends = np.cumsum([n + 2 for n in frames]).tolist()
     return [
-        Made(on_rig[end - n - 2 : end], None if path is None else _strayed(root, path) / mapping.scale)
+        Made(on_rig[end - n - 2 : end], None if path is None else rollout.strayed(root, path) / mapping.scale)
         for n, end, path, root in zip(frames, ends, paths, made[0], strict=True)
     ]
 
@@ -174,12 +174,6 @@ def _finished(
     root = np.concatenate([keys.context[0][:, :-1], root], axis=1)
     local = np.concatenate([keys.context[1][:, :-1], local], axis=1)
     return [to_user_rate(r, q, past, frames, rate) for r, q in zip(root, local, strict=True)]
-
-
-def _strayed(root: Float[ndarray, "frame 3"], path: Float[ndarray, "time 3"]) -> float:
-    """The mean distance on the ground between the generated root and the path."""
-    way = path[1:-1, :2]
-    return float(np.linalg.norm(root[: len(way), [0, 2]] - way, axis=-1).mean()) if len(way) else 0.0
 
 
 def _moving(before: Beyond, context: Batch) -> Bool[ndarray, "batch 4"]:

@@ -13,9 +13,8 @@ from torch import Tensor
 from interpose import rotation
 from interpose import skeleton as kinematics
 from interpose.data.database import Database
-from interpose.features import RATE
 from interpose.models.geometry import to_six
-from interpose.motion import Motion, mirror
+from interpose.motion import mirror
 from interpose.skeleton import HUMANOID
 
 
@@ -59,9 +58,7 @@ def load_frames(
     at = 0
     for mirrored in (False, True):
         for start, stop in ranges:
-            turned = database.local_rotations[start:stop].astype(float)
-            turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-            clip = Motion(HUMANOID, database.root_positions[start:stop].astype(float), turned, RATE)
+            clip = database.motion(start, stop)
             contacts = np.asarray(database.contacts[start:stop])
             if mirrored:
                 clip, contacts = mirror(clip), contacts[:, [2, 3, 0, 1]]

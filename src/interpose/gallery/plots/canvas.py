@@ -191,8 +191,3 @@ def round_length(most: float) -> float:
     """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5, 10 ... that is at most ``most``."""
     tens = 10.0 ** np.floor(np.log10(most))
     return float(max(step for step in (tens, 2.0 * tens, 5.0 * tens) if step <= most))
-
-
-def wrapped(angle: float) -> float:
-    """An angle between minus and plus half a turn."""
-    return float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)

@@ -7,9 +7,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
+from interpose.features import RATE
 from interpose.gallery.plots import canvas
 from interpose.gallery.tracks import Tracks
-from interpose.gallery.weighing import RATE
 
 FRAMES = 45
 """Frames of a segment."""

@@ -14,6 +14,7 @@ from interpose.gallery.matching import Query, Trace
 from interpose.gallery.plots import canvas
 from interpose.gallery.store import Gallery
 from interpose.gallery.windows import LONGEST, SHORTEST, Wanted, features
+from interpose.rotation import wrapped
 
 CHANGED = 20.0
 """Degrees by which the query's target faces another way than the window that it is made from."""
@@ -89,12 +90,10 @@ def _window(
 def _matched(gallery: Gallery, query: Query, trace: Trace, count: int) -> Matched:
     tracks = gallery.tracks
     stages = paths.stages(tracks, trace, query)
-    angle = canvas.wrapped(query.heading - paths.query_of(stages.found).heading)
+    angle = float(wrapped(query.heading - paths.query_of(stages.found).heading))
     ends = zip(stages.turned[[0, -1], 2].tolist(), (query.start[2], query.target[2]), strict=True)
-    at_start, at_end = (canvas.wrapped(theirs - ours) for theirs, ours in ends)
-    clip = int(np.searchsorted(tracks.ranges[:, 0], trace.parts[0].start, side="right")) - 1
-    style = tracks.styles[int(tracks.clip_styles[clip])]
-    return Matched(query, trace, style, count, stages, angle, (at_start, at_end))
+    at_start, at_end = (float(wrapped(theirs - ours)) for theirs, ours in ends)
+    return Matched(query, trace, tracks.style_of(trace.parts[0].start), count, stages, angle, (at_start, at_end))
 
 
 def _worth(one: Matched) -> int:

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose.features import RATE
 from interpose.gallery.matching import Query
 from interpose.gallery.plots import canvas
 from interpose.gallery.proposals import Asked, Proposal, Unreachable, propose
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import RATE
 
 DEGREES = (0, 45, 90, 135)
 """By how much the target faces another way than the start, which faces along the way."""
