@@ -1,11 +1,16 @@
 """`interpose prepare`, `train`, `export`, `evaluate`: they reach what does the work, and say what is missing."""
 
 import json
+import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from commandline import bvh_text, fails
+
+from interpose.data import database
+from interpose.skeleton import HUMANOID
 
 
 @pytest.fixture
@@ -32,7 +37,7 @@ def test_prepare_makes_a_database_and_reports(tmp_path, run, clips):
     [
         (("prepare", "bvh", "nowhere", "-o", "db"), "nowhere"),
         (("prepare", "bvh", "clips", "-o", "db", "--workers", "0"), "--workers must be 1 or more, got 0"),
-        (("prepare", "bvh", "clips", "-o", "db", "--split", "train"), "only lafan1 has a split"),
+        (("prepare", "bvh", "clips", "-o", "db", "--split", "train"), "only lafan1 and h36m have a split"),
         (("evaluate", "lafan1", "--data", "clips", "--methods", "magic", "-o", "out"), "magic"),
         (("evaluate", "lafan1", "--data", "clips", "--context", "0", "-o", "out"), "context"),
     ],
@@ -50,6 +55,93 @@ def test_prepare_leaves_out_the_test_subject(tmp_path, run, clips):
         status, _, err = run("prepare", "lafan1", clips, "-o", out, "--split", split, "--workers", 1)
         assert status == 0, err
         assert [clip["name"] for clip in json.loads((out / "meta.json").read_text())["clips"]] == [wanted]
+
+
+def write_amass(file, frames=240, rate="mocap_framerate", width=156, **more):
+    """A body in the T-pose that glides along AMASS's X at 1 m/s, 120 frames a second."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    poses = np.zeros((frames, width))
+    poses[:, 0] = np.pi / 2
+    trans = np.stack([np.arange(frames) / 120.0, np.full(frames, 3.0), np.full(frames, 0.9)], axis=1)
+    np.savez(file, **{"poses": poses, "trans": trans, rate: 120.0, **more})
+
+
+def test_prepare_reads_amass(tmp_path, run):
+    source = tmp_path / "AMASS"
+    write_amass(source / "CMU" / "01" / "01_01_poses.npz")
+    write_amass(source / "SFU" / "0005" / "0005_Jogging001_stageii.npz", 120, "mocap_frame_rate", 165, gender="male")
+    np.savez(source / "CMU" / "01" / "shape.npz", betas=np.zeros(16))
+    np.savez(source / "CMU" / "01" / "01_02_poses.npz", betas=np.zeros(16))
+    (source / "CMU" / "01" / "01_03_poses.npz").write_bytes(b"PK")
+    status, out, err = run("prepare", "amass", source, "-o", tmp_path / "db", "--workers", 1)
+    assert status == 0, err
+    db = database.load(tmp_path / "db")
+    assert [(clip.name, clip.style, clip.subject, clip.source_rate) for clip in db.clips] == [
+        ("0005_Jogging001_stageii", "SFU", "0005", 120.0),
+        ("01_01_poses", "CMU", "01", 120.0),
+    ]
+    assert (db.ranges[:, 1] - db.ranges[:, 0]).tolist() == [30, 60]
+    assert re.search(r"\bNC\b", db.licence)
+    skipped = dict(db.skipped)
+    assert skipped["CMU/01/shape.npz"] == "it holds a body's shape and no motion"
+    assert skipped["CMU/01/01_02_poses.npz"].startswith("CMU/01/01_02_poses.npz: holds no 'poses', so no motion")
+    assert "damaged" in skipped["CMU/01/01_03_poses.npz"]
+    assert all(f"| {file} | {why} |" in out for file, why in db.skipped)
+    walked = np.diff(db.root[30:, :2], axis=0) * 30.0
+    facing = db.root[30:, 2:]
+    scale = walked[0, 0]  # metres are the humanoid's, whose legs are longer than those of our body for AMASS
+    assert 0.9 < scale < 1.2
+    np.testing.assert_allclose(walked, np.tile([scale, 0.0], (59, 1)), atol=1e-4)
+    np.testing.assert_allclose(facing, np.tile([0.0, 1.0], (60, 1)), atol=1e-4)
+    toes = db.clip(1).global_positions()[:, HUMANOID.index("LeftToe"), 1]
+    np.testing.assert_allclose(toes, 0.0, atol=0.02)
+
+
+def write_h36m(file, frames=100):
+    """A body with straight arms at its sides that glides ahead at 1 m/s, 50 frames a second."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    rows = np.zeros((frames, 99))
+    rows[1:, 2] = 20.0
+    rows[:, 3 + 3 * 16 + 2], rows[:, 3 + 3 * 24 + 2] = np.pi / 2, -np.pi / 2
+    rows[:, 3 + 3 * 17 + 2], rows[:, 3 + 3 * 25 + 2] = np.pi / 2, -np.pi / 2
+    np.savetxt(file, rows, fmt="%.7f", delimiter=",")
+
+
+def test_prepare_reads_human36m_and_splits_it(tmp_path, run):
+    source = tmp_path / "dataset"
+    for name in ("S1/walking_1", "S5/walkingdog_1", "S9/walking_1", "S11/eating_2"):
+        write_h36m(source / f"{name}.txt")
+    (source / "S1" / "eating_1.txt").write_text("1,2,3\n")
+    (source / "README.txt").write_text("Please cite.\n")
+    for split, styles in (("train", ["walking", "walkingdog"]), ("test", ["eating", "walking"])):
+        out = tmp_path / split
+        status, said, err = run("prepare", "h36m", source, "-o", out, "--split", split, "--workers", 1)
+        assert status == 0, err
+        db = database.load(out)
+        assert sorted(clip.style for clip in db.clips) == styles
+        assert {clip.subject in ("S9", "S11") for clip in db.clips} == {split == "test"}
+        assert re.search(r"\bNC\b", db.licence)
+        assert ("S1/eating_1.txt" in said) == (split == "train")
+        assert "README.txt" in said
+    assert (db.ranges[:, 1] - db.ranges[:, 0]).tolist() == [60, 60]
+    assert db.clips[0].source_rate == 50.0
+    np.testing.assert_allclose(db.root[:60, 2:], np.tile([0.0, 1.0], (60, 1)), atol=1e-4)
+    walked = np.diff(db.root[:60, :2], axis=0) * 30.0
+    assert 0.9 < walked[0, 1] < 1.1
+    np.testing.assert_allclose(walked, np.tile(walked[0], (59, 1)), atol=1e-4)
+    points = db.clip(0).global_positions()[0]
+    assert points[HUMANOID.index("LeftHand"), 1] < points[HUMANOID.index("Hips"), 1]
+
+
+@pytest.mark.parametrize(("kind", "file"), [("amass", "01_01_poses.npz"), ("h36m", "walking_1.txt")])
+def test_where_no_file_is_sound_one_line_says_why(tmp_path, run, kind, file):
+    folder = tmp_path / "S1"
+    folder.mkdir()
+    (folder / file).write_bytes(b"nothing")
+    status, out, err = run("prepare", kind, folder, "-o", tmp_path / "db", "--workers", 1)
+    assert (status, out) == (1, "")
+    assert err.splitlines()[-1].startswith(f"interpose: none of the 1 files could be used; the first, {file}: {file}")
+    assert "Traceback" not in err
 
 
 def test_evaluating_what_is_not_there(tmp_path, run):

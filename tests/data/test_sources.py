@@ -113,6 +113,81 @@ def test_bandai_names_carry_content_then_style(tmp_path: Path) -> None:
     }
 
 
+def labels_by_file(found: sources.Findings) -> dict[str, tuple[str, str]]:
+    return {clip.source.name: (clip.style, clip.subject) for clip in found.clips}
+
+
+AMASS = (
+    "CMU/01/01_01_poses.npz",
+    "CMU/01/shape.npz",
+    "CMU/02/02_01_stageii.npz",
+    "CMU/02/neutral_stagei.npz",
+    "ACCAD/Male2Walking_c3d/B3 - walk1_poses.npz",
+)
+
+
+def test_amass_is_labelled_by_data_set_and_subject(tmp_path: Path) -> None:
+    found = sources.find("amass", [touch(tmp_path / "AMASS", *AMASS, "CMU/LICENSE.txt")])
+    assert labels_by_file(found) == {
+        "ACCAD/Male2Walking_c3d/B3 - walk1_poses.npz": ("ACCAD", "Male2Walking_c3d"),
+        "CMU/01/01_01_poses.npz": ("CMU", "01"),
+        "CMU/02/02_01_stageii.npz": ("CMU", "02"),
+    }
+    assert [clip.name for clip in found.clips] == ["01_01_poses", "02_01_stageii", "B3 - walk1_poses"]
+    assert dict(found.skipped) == {
+        "CMU/01/shape.npz": "it holds a body's shape and no motion",
+        "CMU/02/neutral_stagei.npz": "it holds a body's shape and no motion",
+    }
+
+
+@pytest.mark.parametrize(("part", "file"), [("CMU", "01/"), ("CMU/01", ""), ("CMU/01/01_01_poses.npz", "")])
+def test_a_part_of_amass_has_the_same_labels(tmp_path: Path, part: str, file: str) -> None:
+    touch(tmp_path / "AMASS", *AMASS)
+    found = labels_by_file(sources.find("amass", [tmp_path / "AMASS" / part]))
+    assert found[f"{file}01_01_poses.npz"] == ("CMU", "01")
+
+
+def test_an_archive_counts_as_a_folder(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "CMU.zip", "w") as out:
+        out.writestr("01/01_01_poses.npz", "x")
+    with zipfile.ZipFile(tmp_path / "S6.zip", "w") as out:
+        out.writestr("walking_1.txt", "x")
+    assert labels_by_file(sources.find("amass", [tmp_path / "CMU.zip"])) == {"01/01_01_poses.npz": ("CMU", "01")}
+    assert labels_by_file(sources.find("h36m", [tmp_path / "S6.zip"])) == {"walking_1.txt": ("walking", "S6")}
+
+
+H36M = ("S1/walking_1.txt", "S5/walkingdog_2.txt", "S9/sittingdown_1.txt", "S11/walking_1.txt")
+
+
+def test_h36m_is_labelled_by_action_and_subject(tmp_path: Path) -> None:
+    folder = touch(tmp_path / "h3.6m" / "dataset", *H36M, "README.txt", "S1/notes.txt", "other/walking_1.txt")
+    found = sources.find("h36m", [folder])
+    assert labels_by_file(found) == {
+        "S1/walking_1.txt": ("walking", "S1"),
+        "S11/walking_1.txt": ("walking", "S11"),
+        "S5/walkingdog_2.txt": ("walkingdog", "S5"),
+        "S9/sittingdown_1.txt": ("sittingdown", "S9"),
+    }
+    assert [file for file, _ in found.skipped] == ["README.txt", "S1/notes.txt", "other/walking_1.txt"]
+    assert {reason for _, reason in found.skipped} == {"its name is not of the form S1/walking_1.txt"}
+    assert labels_by_file(sources.find("h36m", [folder / "S1"])) == {"walking_1.txt": ("walking", "S1")}
+
+
+def test_the_split_of_h36m_is_by_subjects_9_and_11(tmp_path: Path) -> None:
+    folder = touch(tmp_path, *H36M)
+    tested = sources.find("h36m", [folder], "test")
+    assert sorted(clip.subject for clip in tested.clips) == ["S11", "S9"]
+    trained = sources.find("h36m", [folder], "train")
+    assert sorted(clip.subject for clip in trained.clips) == ["S1", "S5"]
+
+
+def test_models_trained_on_research_data_say_so() -> None:
+    licence = pytest.importorskip("interpose.export").licence
+    for kind in ("lafan1", "bandai", "amass", "h36m"):
+        assert licence(sources.KINDS[kind].licence).startswith("non-commercial research only (trained on data under ")
+    assert licence(sources.KINDS["100style"].licence).startswith("MIT")
+
+
 def test_any_folder_takes_its_styles_from_its_sub_folders(tmp_path: Path) -> None:
     touch(tmp_path, "a.bvh", "zombie/a.bvh", "zombie/b.BVH", ".hidden/c.bvh", "zombie/readme.txt")
     found = sources.find("bvh", [tmp_path])
@@ -139,7 +214,10 @@ def test_the_key_of_a_clip_follows_its_file_and_its_labels(tmp_path: Path) -> No
     [
         ("cmu", "all", "unknown data set 'cmu'"),
         ("lafan1", "validation", "unknown split"),
-        ("bvh", "test", "only lafan1"),
+        ("bvh", "test", "only lafan1 and h36m have a split into train and test, bvh has none"),
+        ("amass", "test", "only lafan1 and h36m"),
+        ("amass", "all", r"holds no \.npz file"),
+        ("h36m", "all", r"holds no \.txt file"),
         ("lafan1", "test", "no clip of lafan1 of split 'test'"),
         ("bandai", "all", "not of the form dataset-1_walk_angry_001.bvh"),
     ],

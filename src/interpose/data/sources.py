@@ -5,6 +5,11 @@
     100style  `Angry_FW.bvh` in a folder a style or all in one, with `Frame_Cuts.csv`: the frames to use, at 60 Hz.
               Mason, Starke and Komura 2022.
     bandai    `dataset-1_walk_angry_001.bvh`: content, then style. Bandai-Namco Research Motiondataset 1 and 2.
+    amass     `CMU/01/01_01_poses.npz`: data set, subject, take, as the archives of AMASS unpack; the style is the data
+              set. SMPL-H, SMPL-X and SMPL files; `shape.npz` and `*_stagei.npz` hold bodies and no motion. Mahmood et
+              al. 2019.
+    h36m      `S1/walking_1.txt`: the exponential maps of h3.6m.zip; the style is the action. Ionescu et al. 2014 test
+              on subjects 9 and 11.
     bvh       any folder; the style is the name of the sub-folder that a file is in.
 
 A source is a folder, a zip archive, or a single file. Files are found at any depth.
@@ -18,6 +23,7 @@ import io
 import os
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -27,10 +33,12 @@ from interpose.errors import InputError
 UNLABELLED = "unlabelled"
 CUTS = "Frame_Cuts.csv"
 CUT_RATE = 60.0
-TEST_SUBJECT = "subject5"
 
 _LAFAN1 = re.compile(r"(?P<style>[A-Za-z]+)\d*_(?P<subject>subject\d+)(?:_(?P<content>.+?)\d*)?")
 _STYLE100 = re.compile(r"(?P<style>[^_]+)_(?P<content>[A-Z]{2}\d?)")
+_H36M = re.compile(r"(?P<style>[A-Za-z]+)_\d+")
+_SUBJECT = re.compile(r"S\d+")
+_SHAPE = re.compile(r"shape|.*_stagei", re.IGNORECASE)
 _BANDAI = re.compile(r"dataset-\d+_(?P<content>[^_]+)_(?P<style>[^_]+)_\d+")
 
 
@@ -79,59 +87,98 @@ class Findings:
     skipped: tuple[tuple[str, str], ...]
 
 
+Labels = Mapping[str, str | None] | str
+"""What the name of a file says: style, and where known content and subject; or why the file is not used."""
+
+
 @dataclass(frozen=True)
 class Kind:
-    """A data set: its licence, and what labels a file's name carries (None where the name is not of this set)."""
+    """A data set: its licence, what labels the name of a file carries, the files' suffix, and who is for testing.
+
+    from_folders: the name begins with the folders that hold the source, so that a part of the data set may be given.
+    licence: with the word NC where commercial use is not allowed (`interpose.export.licence` looks for it).
+    """
 
     licence: str
-    labels: Callable[[PurePosixPath], Mapping[str, str | None] | None]
-    pattern: str
+    labels: Callable[[PurePosixPath], Labels]
+    suffix: str = ".bvh"
+    test_subjects: tuple[str, ...] = ()
+    from_folders: bool = False
 
 
-def _by_stem(expression: re.Pattern[str]) -> Callable[[PurePosixPath], Mapping[str, str | None] | None]:
-    def labels(name: PurePosixPath) -> Mapping[str, str | None] | None:
+def _by_stem(expression: re.Pattern[str], form: str) -> Callable[[PurePosixPath], Labels]:
+    def labels(name: PurePosixPath) -> Labels:
         found = expression.fullmatch(name.stem)
-        return None if found is None else found.groupdict()
+        return f"its name is not of the form {form}" if found is None else found.groupdict()
 
     return labels
 
 
+def _amass(name: PurePosixPath) -> Labels:
+    if _SHAPE.fullmatch(name.stem):
+        return "it holds a body's shape and no motion"
+    folders = [folder for folder in name.parent.parts if folder != "/"]
+    return {"style": folders[-2] if len(folders) > 1 else (folders or [UNLABELLED])[-1], "subject": name.parent.name}
+
+
+def _h36m(name: PurePosixPath) -> Labels:
+    found = _H36M.fullmatch(name.stem)
+    if found is None or not _SUBJECT.fullmatch(name.parent.name):
+        return "its name is not of the form S1/walking_1.txt"
+    return {"style": found["style"].lower(), "subject": name.parent.name}
+
+
 KINDS = {
-    "lafan1": Kind("CC BY-NC-ND 4.0 (non-commercial research only)", _by_stem(_LAFAN1), "walk1_subject1.bvh"),
-    "100style": Kind("CC BY 4.0, Mason, Starke and Komura 2022", _by_stem(_STYLE100), "Angry_FW.bvh"),
-    "bandai": Kind("CC BY-NC 4.0 (non-commercial only)", _by_stem(_BANDAI), "dataset-1_walk_angry_001.bvh"),
-    "bvh": Kind("unknown", lambda name: {"style": name.parent.name or UNLABELLED}, "*.bvh"),
+    "lafan1": Kind(
+        "CC BY-NC-ND 4.0 (non-commercial research only)",
+        _by_stem(_LAFAN1, "walk1_subject1.bvh"),
+        test_subjects=("subject5",),
+    ),
+    "100style": Kind("CC BY 4.0, Mason, Starke and Komura 2022", _by_stem(_STYLE100, "Angry_FW.bvh")),
+    "bandai": Kind("CC BY-NC 4.0 (non-commercial only)", _by_stem(_BANDAI, "dataset-1_walk_angry_001.bvh")),
+    "amass": Kind("AMASS licence, NC (non-commercial research only)", _amass, ".npz", from_folders=True),
+    "h36m": Kind(
+        "Human3.6M licence, NC (academic research only)",
+        _h36m,
+        ".txt",
+        test_subjects=("S9", "S11"),
+        from_folders=True,
+    ),
+    "bvh": Kind("unknown", lambda name: {"style": name.parent.name or UNLABELLED}),
 }
 
 
 def find(kind: str, sources: Sequence[Path | str], split: str = "all") -> Findings:
     """The clips of one data set in some folders, archives or files.
 
-    ``split`` is 'all', or for lafan1 'train' (all subjects but the fifth) or 'test' (the fifth). Raises InputError for
-    an unknown kind or split, a source that cannot be read, and where no clip is found.
+    ``split`` is 'all', or where a data set has subjects for testing, 'train' (all others) or 'test' (only they). Raises
+    InputError for an unknown kind or split, a source that cannot be read, and where no clip is found.
     """
     if kind not in KINDS:
         raise InputError(f"unknown data set '{kind}'; known are {', '.join(KINDS)}")
     if split not in ("all", "train", "test"):
         raise InputError(f"unknown split '{split}'; use all, train or test")
-    if split != "all" and kind != "lafan1":
-        raise InputError(f"only lafan1 has a split into train and test, {kind} has none; leave it at 'all'")
+    chosen = KINDS[kind]
+    if split != "all" and not chosen.test_subjects:
+        able = " and ".join(name for name in KINDS if KINDS[name].test_subjects)
+        raise InputError(f"only {able} have a split into train and test, {kind} has none; leave it at 'all'")
     if not sources:
         raise InputError("no source given; name at least one folder, zip archive or file")
-    listings = [_listing(Path(source)) for source in sources]
+    listings = [_listing(Path(source), (chosen.suffix, ".csv")) for source in sources]
     named: list[tuple[SourceFile, Mapping[str, str | None]]] = []
     skipped: list[tuple[str, str]] = []
     cuts: dict[str, tuple[int, int]] = {}
     for source, files in zip(sources, listings, strict=True):
-        motions = [file for file in files if file.name.lower().endswith(".bvh")]
+        motions = [file for file in files if file.name.lower().endswith(chosen.suffix)]
         if not motions:
-            raise InputError(f"{source} holds no .bvh file")
+            raise InputError(f"{source} holds no {chosen.suffix} file")
         if kind == "100style":
             cuts |= _read_cuts(source, files)
         for file in motions:
-            labels = KINDS[kind].labels(PurePosixPath(file.name))
-            if labels is None:
-                skipped.append((file.name, f"its name is not of the form {KINDS[kind].pattern}"))
+            name = PurePosixPath(file.name)
+            labels = chosen.labels(_folders(Path(source)) / name if chosen.from_folders else name)
+            if isinstance(labels, str):
+                skipped.append((file.name, labels))
             else:
                 named.append((file, labels))
     names = _unique_names([file.name for file, _ in named])
@@ -139,7 +186,7 @@ def find(kind: str, sources: Sequence[Path | str], split: str = "all") -> Findin
     clips: list[SourceClip] = []
     for name, (file, labels) in zip(names, named, strict=True):
         subject = labels.get("subject") or ""
-        if split != "all" and (subject == TEST_SUBJECT) != (split == "test"):
+        if split != "all" and (subject in chosen.test_subjects) != (split == "test"):
             continue
         if kind == "lafan1" and name.count("_") > 1 and name.rsplit("_", 1)[0] in whole:
             skipped.append((file.name, "the whole take that it is an excerpt of is there, too"))
@@ -154,14 +201,14 @@ def find(kind: str, sources: Sequence[Path | str], split: str = "all") -> Findin
     return Findings(tuple(sorted(clips, key=lambda clip: clip.name)), tuple(sorted(skipped)))
 
 
-def _listing(source: Path) -> list[SourceFile]:
-    """Every .bvh and .csv below a folder, in an archive, or the file itself; names relative, with '/'."""
+def _listing(source: Path, suffixes: tuple[str, ...]) -> list[SourceFile]:
+    """Every file of these suffixes below a folder, in an archive, or the file itself; names relative, with '/'."""
     try:
         if source.is_dir():
             found = []
             for folder, folders, files in os.walk(source):
                 folders[:] = sorted(name for name in folders if not name.startswith("."))
-                found += [Path(folder) / name for name in sorted(files) if _wanted(name)]
+                found += [Path(folder) / name for name in sorted(files) if _wanted(name, suffixes)]
             return [_plain(file, file.relative_to(source).as_posix()) for file in found]
         if source.suffix.lower() == ".zip":
             with zipfile.ZipFile(source) as archive:
@@ -169,7 +216,8 @@ def _listing(source: Path) -> list[SourceFile]:
             return [
                 SourceFile(member.filename, source, member.filename, member.file_size, member.CRC)
                 for member in members
-                if _wanted(PurePosixPath(member.filename).name) and not member.filename.startswith("__MACOSX/")
+                if _wanted(PurePosixPath(member.filename).name, suffixes)
+                and not member.filename.startswith("__MACOSX/")
             ]
         return [_plain(source, source.name)]
     except FileNotFoundError:
@@ -178,8 +226,17 @@ def _listing(source: Path) -> list[SourceFile]:
         raise InputError(f"the source {source} cannot be read: {error}") from None
 
 
-def _wanted(name: str) -> bool:
-    return name.lower().endswith((".bvh", ".csv")) and not name.startswith(".")
+def _wanted(name: str, suffixes: tuple[str, ...]) -> bool:
+    return name.lower().endswith(suffixes) and not name.startswith(".")
+
+
+def _folders(source: Path) -> PurePosixPath:
+    """The folders that hold what is in a source, itself included where it is one; an archive counts as one."""
+    whole = source.resolve()
+    if whole.is_dir():
+        return PurePosixPath(whole.as_posix())
+    inside = whole.with_suffix("") if whole.suffix.lower() == ".zip" else whole.parent
+    return PurePosixPath(inside.as_posix())
 
 
 def _plain(file: Path, name: str) -> SourceFile:
@@ -191,7 +248,8 @@ def _unique_names(files: Sequence[str]) -> list[str]:
     """Stems of the files; whole paths where two stems are equal, and numbers where even those are."""
     paths = [PurePosixPath(file).with_suffix("") for file in files]
     stems = [path.stem for path in paths]
-    names = [path.name if stems.count(path.stem) == 1 else str(path) for path in paths]
+    count = Counter(stems)
+    names = [path.name if count[path.stem] == 1 else str(path) for path in paths]
     seen: dict[str, int] = {}
     for i, name in enumerate(names):
         seen[name] = seen.get(name, 0) + 1
