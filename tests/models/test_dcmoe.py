@@ -21,7 +21,7 @@ from interpose.features import (
     control_shapes,
     state_shapes,
 )
-from interpose.models.dcmoe import Control, DCMoE, ExpertLinear, Network, Size, State, time_to_arrival
+from interpose.models.dcmoe import Control, DCMoE, Network, Size, State
 from interpose.models.geometry import facing, joint_positions, to_matrix
 from interpose.skeleton import HUMANOID
 from interpose.train.sequences import Sampling, base_window, draw
@@ -49,17 +49,6 @@ def test_shapes_are_those_of_the_features(situation):
     assert {k: tuple(v.shape[1:]) for k, v in steer._asdict().items()} == control_shapes(len(learning.STYLES))
 
 
-def test_blending_outputs_is_blending_weights():
-    torch.manual_seed(0)
-    layer = ExpertLinear(3, 5, 4)
-    torch.nn.init.normal_(layer.linear.bias)
-    x, gate = torch.randn(7, 5), torch.softmax(torch.randn(7, 3), dim=-1)
-    weight, bias = layer.linear.weight.view(3, 4, 5), layer.linear.bias.view(3, 4)
-    blended = torch.einsum("bk,koi->boi", gate, weight)
-    wanted = (blended @ x[..., None])[..., 0] + gate @ bias
-    torch.testing.assert_close(layer(x, gate), wanted)
-
-
 def test_a_gate_that_chooses_leaves_one_plain_network():
     torch.manual_seed(0)
     model = Network(Size(experts=3, hidden=8, gate=(8, 4)))
@@ -74,17 +63,6 @@ def test_a_gate_that_chooses_leaves_one_plain_network():
         wanted = wanted @ weight.T + bias
         wanted = wanted * torch.sigmoid(wanted) if i < 2 else wanted
     torch.testing.assert_close(model(x, condition), wanted)
-
-
-def test_time_to_arrival_is_equation_2():
-    frames = torch.tensor([[1.0], [45.0], [91.0]], dtype=torch.float64)
-    got = time_to_arrival(frames)
-    assert got.shape == (3, 128)
-    for row, tta in enumerate((1.0, 45.0, 91.0)):
-        for i in range(64):
-            angle = tta / 10000.0 ** (2 * i / 128)
-            assert float(got[row, 2 * i]) == pytest.approx(math.sin(angle))
-            assert float(got[row, 2 * i + 1]) == pytest.approx(math.cos(angle))
 
 
 def test_features_by_name(double, situation):

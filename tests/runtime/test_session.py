@@ -78,19 +78,19 @@ def test_a_network_that_cannot_be_loaded(folder):
         if content is not None:
             (folder / "step.onnx").write_bytes(content)
         with pytest.raises(InputError, match=r"step\.onnx cannot be loaded .*; export the model again"):
-            _ = load(folder).network
+            _ = load(folder).networks
 
 
 def test_a_network_of_another_program(copied, monkeypatch):
-    assert load(copied).network is not None
+    assert load(copied).networks["step"] is not None
     info = json.loads((copied / "model.json").read_text())
     (copied / "model.json").write_text(json.dumps(info | {"styles": ["Old"]}))
     with pytest.raises(InputError, match=r"takes \['style'\] otherwise than this program; export it again"):
-        _ = load(copied).network
+        _ = load(copied).networks
     (copied / "model.json").write_text(json.dumps(info))
     monkeypatch.setattr(module, "control_shapes", lambda styles: {"wind": (3,)})
     with pytest.raises(InputError, match=r"takes \[.*'base'.*'wind'\] otherwise"):
-        _ = load(copied).network
+        _ = load(copied).networks
 
 
 def test_phases_that_cannot_be_read(copied, folder):

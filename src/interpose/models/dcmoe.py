@@ -39,6 +39,7 @@ from interpose.features import (
     output_layout,
 )
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
+from interpose.models.layers import ExpertLinear, sinusoids
 
 BANK = 256
 """Phase windows kept with the model."""
@@ -100,24 +101,6 @@ class Prediction(NamedTuple):
     origin: Float[Tensor, "batch 3"]
 
 
-class ExpertLinear(nn.Module):
-    """K linear layers blended by the gate, as one product (batch, in) x (in, K out) and a weighted sum."""
-
-    def __init__(self, experts: int, width_in: int, width_out: int, scale: float = 1.0) -> None:
-        super().__init__()
-        self.experts = experts
-        self.linear = nn.Linear(width_in, experts * width_out)
-        bound = scale * math.sqrt(6.0 / (width_in + width_out))
-        nn.init.uniform_(self.linear.weight, -bound, bound)
-        nn.init.zeros_(self.linear.bias)
-
-    def forward(
-        self, x: Float[Tensor, "batch wide"], gate: Float[Tensor, "batch expert"]
-    ) -> Float[Tensor, "batch out"]:
-        outputs = self.linear(x).unflatten(-1, (self.experts, -1))
-        return (gate[:, None, :].to(outputs.dtype) @ outputs)[:, 0]
-
-
 def _paper_input() -> Tensor:
     """1 for the features that the paper has, 0 for ours, which the absolute form does not see."""
     seen = torch.zeros(EXPERT_INPUT.width)
@@ -155,13 +138,6 @@ class Network(nn.Module):
         x = F.silu(self.experts[0](x, gate))
         x = F.silu(self.experts[1](x, gate))
         return self.experts[2](x, gate)
-
-
-def time_to_arrival(frames: Float[Tensor, "batch 1"], width: int = 128) -> Float[Tensor, "batch width"]:
-    """The positional encoding of the frames left (equation 2), sines and cosines interleaved."""
-    index = torch.arange(width // 2, device=frames.device, dtype=frames.dtype)
-    angle = frames * torch.exp(index * (-2.0 * math.log(10000.0) / width))
-    return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(-2)
 
 
 class DCMoE(nn.Module):
@@ -244,7 +220,7 @@ class DCMoE(nn.Module):
         if mask is not None:
             x = x * mask
         phases = torch.cat([state.phase_past[:, ::KEY_STEP], state.phase_future], dim=1)
-        arrival = time_to_arrival(control.frames_left.clamp(max=LONGEST))
+        arrival = sinusoids(control.frames_left.clamp(max=LONGEST))
         condition = torch.cat([phases.flatten(1), self.style(control.style), arrival], dim=-1)
         if self.half_products:
             with torch.autocast(x.device.type, torch.bfloat16):

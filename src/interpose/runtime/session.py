@@ -1,7 +1,8 @@
 """Model folders and the ONNX Runtime session that runs their step; see docs/model-format.md.
 
-A folder holds `model.json` and `step.onnx`: one frame of the roll-out, features, normalisation, network and geometry
-inside, tensors named as in `interpose.features.state_shapes` and `control_shapes`.
+A folder holds `model.json` and its networks. For dcmoe that is `step.onnx`: one frame of the roll-out, features,
+normalisation, network and geometry inside, tensors named as in `interpose.features.state_shapes` and `control_shapes`.
+For stitch they are `plan.onnx`, `front.onnx` and `back.onnx`, with the tensors of `interpose.stitching`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import onnxruntime
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose import stitching
 from interpose.errors import InputError
 from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes
 from interpose.gallery import store
@@ -25,6 +27,8 @@ from interpose.gallery.store import Gallery
 
 INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
 DEFAULT = "default"
+DEFAULTS = {"dcmoe": DEFAULT, "stitch": "stitch"}
+"""The installed model that serves a method where none is named."""
 FORMAT = 1
 """Version of the folder's layout."""
 
@@ -55,23 +59,44 @@ class Session:
         """Whether the network expects its own predicted root as the path where none is given (the paper's form)."""
         return bool(self.info["absolute"])
 
+    @property
+    def follows_gallery(self) -> bool:
+        """Whether a gap's path is matched from a gallery by default; a stitching model's latents bring their own."""
+        return self.method != "stitch"
+
+    @property
+    def course(self) -> tuple[int, bool, bool]:
+        """How a stitching model's chains are made: K, aligned or not, both or the forward one alone."""
+        buffer, aligned, both = self.info["course"]
+        return int(buffer), bool(aligned), bool(both)
+
+    @property
+    def shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
+        """The inputs of each network, without the batch axis."""
+        styles = len(self.styles)
+        if self.method != "stitch":
+            return {"step": state_shapes() | control_shapes(styles)}
+        return stitching.network_shapes(self.info["network"], styles)
+
     @cached_property
-    def network(self) -> onnxruntime.InferenceSession:
-        """The step as an ONNX Runtime session, made at first use."""
+    def networks(self) -> dict[str, onnxruntime.InferenceSession]:
+        """The networks as ONNX Runtime sessions, made at first use."""
+        return {name: self._open(name, shapes) for name, shapes in self.shapes.items()}
+
+    def _open(self, name: str, shapes: dict[str, tuple[int, ...]]) -> onnxruntime.InferenceSession:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = self.threads
         options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        file = self.path / "step.onnx"
+        file = self.path / f"{name}.onnx"
         try:
             made = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # ONNX Runtime raises types of its own for each way in which a file can be bad
             reason = str(error).splitlines()[0]
             raise InputError(f"{file} cannot be loaded ({reason}); export the model again") from None
-        wanted = set((state_shapes() | control_shapes(len(self.styles))).items())
         given = {(i.name, tuple(i.shape[1:])) for i in made.get_inputs()}
-        if wanted != given:
-            names = sorted({name for name, _ in given ^ wanted})
+        if set(shapes.items()) != given:
+            names = sorted({each for each, _ in given ^ set(shapes.items())})
             raise InputError(f"{file} takes {names} otherwise than this program; export it again")
         return made
 
@@ -96,14 +121,18 @@ class Session:
         return store.load(file) if file.exists() else None
 
     @cached_property
-    def outputs(self) -> list[str]:
-        """Names of the step's outputs, in order."""
-        return [o.name for o in self.network.get_outputs()]
+    def outputs(self) -> dict[str, list[str]]:
+        """Names of each network's outputs, in order."""
+        return {name: [o.name for o in network.get_outputs()] for name, network in self.networks.items()}
+
+    def run(self, name: str, feed: dict[str, ndarray]) -> dict[str, ndarray]:
+        """Runs a network: inputs by name, float32 with a batch axis; outputs by name."""
+        made = cast(list[ndarray], self.networks[name].run(None, feed))
+        return dict(zip(self.outputs[name], made, strict=True))
 
     def step(self, feed: dict[str, ndarray]) -> dict[str, ndarray]:
-        """Runs one frame: state and control in, by name, float32 with a batch axis; ``next_*`` and contacts out."""
-        made = cast(list[ndarray], self.network.run(None, feed))
-        return dict(zip(self.outputs, made, strict=True))
+        """Runs one frame of dcmoe: state and control in; ``next_*`` and contacts out."""
+        return self.run("step", feed)
 
     def style_weights(self, styles: list[str | None]) -> Float[ndarray, "batch style"]:
         """A row of weights over (free, style 1, ...) for each label. Raises InputError for an unknown one."""
@@ -122,9 +151,10 @@ def installed() -> list[Path]:
     return sorted(found, key=lambda p: p.name != DEFAULT)
 
 
-def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Session:
-    """The default model, an installed one by name, or one from a folder. Raises InputError where there is none."""
-    path = _folder(name)
+def load(name: str | os.PathLike[str] | None = None, threads: int = 1, method: str = "dcmoe") -> Session:
+    """The default model of a method, an installed one by name, or one from a folder. Raises InputError where there is
+    none."""
+    path = _folder(DEFAULTS.get(method, DEFAULT) if name is None else name)
     file = path / "model.json"
     try:
         info = json.loads(file.read_text(encoding="utf-8"))
@@ -132,7 +162,9 @@ def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Sessio
             raise ValueError("no object in it")
     except (OSError, ValueError) as error:
         raise InputError(f"{file} cannot be read ({error}); give a folder made by 'interpose export'") from None
-    missing = [k for k in ("format", "name", "method", "styles", "licence", "absolute") if k not in info]
+    needed = ("format", "name", "method", "styles", "licence")
+    needed += ("network", "course") if info.get("method") == "stitch" else ("absolute",)
+    missing = [k for k in needed if k not in info]
     if missing:
         raise InputError(f"{file} lacks {', '.join(missing)}; export the model again")
     if info["format"] != FORMAT:
@@ -140,9 +172,7 @@ def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Sessio
     return Session(path, info, threads)
 
 
-def _folder(name: str | os.PathLike[str] | None) -> Path:
-    if name is None:
-        name = DEFAULT
+def _folder(name: str | os.PathLike[str]) -> Path:
     by_name = {p.name: p for p in installed()}
     if str(name) in by_name:
         return by_name[str(name)]

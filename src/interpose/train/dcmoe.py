@@ -25,7 +25,7 @@ from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
-from interpose.train.frames import Frames, load_frames
+from interpose.train.frames import Frames, joined, load_frames
 from interpose.train.sequences import (
     PLAIN,
     Keys,
@@ -170,7 +170,7 @@ def train(
             raise InputError(f"{of.path}: no clip is longer than a second; prepare longer ones")
     arrays = [None] * len(loaded) if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
     training, held_out = (
-        _join(
+        joined(
             [load_frames(d, p, list(config.styles), training_ranges(d)[i]) for d, p in zip(loaded, arrays, strict=True)]
         )
         for i in (0, 1)
@@ -337,12 +337,3 @@ def _phases(path: Path, data: Database) -> Float[np.ndarray, "2 frame 10 3"]:
     if phases.shape != (2, data.frames, 10, 3):
         raise InputError(f"{path}: phases of shape {phases.shape}, the database needs {(2, data.frames, 10, 3)}")
     return phases
-
-
-def _join(parts: list[Frames]) -> Frames:
-    at, out = 0, []
-    for part in parts:
-        out.append(replace(part, first=part.first + at, last=part.last + at))
-        at += len(part)
-    names = list(Frames.__dataclass_fields__)
-    return Frames(**{name: torch.cat([getattr(p, name) for p in out]) for name in names})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import roma
@@ -85,6 +85,15 @@ def load_frames(
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     whole = {"style", "first", "last"}
     return Frames(**{k: torch.tensor(v, dtype=torch.int64 if k in whole else torch.float32) for k, v in joined.items()})
+
+
+def joined(parts: list[Frames]) -> Frames:
+    """Several, one after the other."""
+    at, out = 0, []
+    for part in parts:
+        out.append(replace(part, first=part.first + at, last=part.last + at))
+        at += len(part)
+    return Frames(**{f.name: torch.cat([getattr(p, f.name) for p in out]) for f in fields(Frames)})
 
 
 def interpolation(
