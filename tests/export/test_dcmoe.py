@@ -10,8 +10,10 @@ import onnx
 import pytest
 import torch
 
-from interpose import export
+from interpose import export as exporting
 from interpose.errors import InputError
+from interpose.export import dcmoe as export
+from interpose.export import onnx_file
 from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST, control_shapes, output_layout, state_shapes
 from interpose.models.dcmoe import Control, State
 from interpose.runtime import session as runtime
@@ -59,7 +61,7 @@ def test_model_json_says_what_the_model_is(model_folder, network):
     ],
 )
 def test_the_licence_follows_the_data(data, said):
-    assert export.licence(data).startswith(said)
+    assert exporting.licence(data).startswith(said)
 
 
 @pytest.mark.parametrize("batch", [1, 2, 9])
@@ -103,7 +105,7 @@ def test_weights_are_stored_in_8_bits_without_notes_of_the_machine(model_folder,
     bytes_ = (model_folder / "step.onnx").read_bytes()
     assert len(bytes_) < 2 * large + 120_000
     assert b"stack_trace" not in bytes_
-    assert b"export.py" not in bytes_
+    assert b"dcmoe.py" not in bytes_
 
 
 def test_the_phases_to_begin_variants_in_come_along(session, network):
@@ -114,9 +116,14 @@ def test_an_onnx_file_of_another_network_is_refused(model_folder, network):
     other = copy.deepcopy(network)
     other.out_mean[other.layout.slices()["hips"]] += 1.0
     content = (model_folder / "step.onnx").read_bytes()
-    assert export.check(export.Step(network), content, export.TOLERANCE_STORED) <= export.TOLERANCE_STORED
+
+    def inputs(batch, seed):
+        return export.example(len(learning.STYLES), batch, seed)
+
+    apart = onnx_file.check(export.Step(network), content, inputs, export.TOLERANCE_STORED)
+    assert apart <= export.TOLERANCE_STORED
     with pytest.raises(InputError, match="the ONNX model's next_hips differs from torch's by"):
-        export.check(export.Step(other), content, export.TOLERANCE_STORED)
+        onnx_file.check(export.Step(other), content, inputs, export.TOLERANCE_STORED)
 
 
 def test_the_example_has_every_input():
@@ -130,16 +137,16 @@ def test_the_example_has_every_input():
 def test_runs_that_cannot_be_exported(network, tmp_path):
     def fails(run, said, out=tmp_path / "out"):
         with pytest.raises(InputError, match=said):
-            export.export(run, out)
+            exporting.export(run, out)
         assert not list(tmp_path.glob(".out*"))
 
-    fails(tmp_path / "nowhere", "no checkpoint of a DC-MoE training is there")
+    fails(tmp_path / "nowhere", "no checkpoint of a model is there")
     (tmp_path / "damaged").mkdir()
     (tmp_path / "damaged" / "checkpoint-000000001.pt").write_bytes(b"no weights")
     fails(tmp_path / "damaged", "no checkpoint can be read")
     (tmp_path / "other").mkdir()
     checkpoint.save(tmp_path / "other", checkpoint.State({"model": network}), 1, checkpoint.State({}))
-    fails(tmp_path / "other", "no checkpoint of a DC-MoE training is there")
+    fails(tmp_path / "other", "no checkpoint of a model is there")
     wider = replace(learning.CONFIG, hidden=24)
     fails(learning.write_run(tmp_path / "older", network, wider), "weights are not those of its config")
     run = learning.write_run(tmp_path / "run", network)
@@ -163,10 +170,10 @@ def test_an_export_that_fails_leaves_the_old_model(network, tmp_path, monkeypatc
 
     monkeypatch.setattr(export, "write_step", broken)
     with pytest.raises(InputError, match="differs"):
-        export.export(run, out)
+        exporting.export(run, out)
     assert (out / "model.json").read_text() == "old"
     assert {p.name for p in tmp_path.iterdir()} == {"run", "model"}
     monkeypatch.setattr(export, "write_step", lambda _, path: path.write_bytes(b"new") and {})
-    assert export.export(run, out, name="Newer") == out
+    assert exporting.export(run, out, name="Newer") == out
     assert json.loads((out / "model.json").read_text())["name"] == "Newer"
     assert (out / "step.onnx").read_bytes() == b"new"

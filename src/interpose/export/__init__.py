@@ -1,0 +1,35 @@
+"""A training run to a model folder: its networks as ONNX, their weights in 8 bits, checked against torch.
+
+`model.json` tells what the model is; the format is described in docs/model-format.md.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from interpose.errors import InputError
+from interpose.export import dcmoe, stitch
+from interpose.export.folder import check_place, licence
+from interpose.train import checkpoint
+
+__all__ = ["export", "licence"]
+
+
+def export(run_dir: Path, out: Path, *, name: str | None = None, metrics: dict[str, Any] | None = None) -> Path:
+    """Writes the model folder ``out`` from the newest checkpoint (its moving average where it keeps one); whole or not.
+
+    Raises InputError where ``run_dir`` holds no run of a model, where ``out`` is there and is no model folder, and
+    where ONNX Runtime does not give what torch gives.
+    """
+    saved = checkpoint.load(run_dir)
+    check_place(out)
+    saved = saved or {"config": {}}
+    config = saved["config"]
+    if "experts" in config:
+        return dcmoe.export(saved, out, name, metrics)
+    if "stitch" in config:
+        return stitch.export(saved, out, name, metrics)
+    raise InputError(
+        f"{run_dir}: no checkpoint of a model is there; give a folder of 'interpose train dcmoe' or stitch"
+    )

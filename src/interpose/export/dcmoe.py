@@ -1,0 +1,111 @@
+"""A DC-MoE run to a model folder: the step as ONNX."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from interpose.export import folder, onnx_file
+from interpose.features import (
+    EXPERT_INPUT,
+    GATE_INPUT,
+    LONGEST,
+    SIDE_KEYS,
+    control_shapes,
+    output_layout,
+    state_shapes,
+)
+from interpose.models.dcmoe import Control, DCMoE, Size, State
+
+CARRIED = [name for name in state_shapes() if name != "velocity_known"]
+"""The state that comes out of a step; the velocity is always known then."""
+TOLERANCE = 1e-3
+"""Largest difference allowed between ONNX and torch in one step, relative to an output's range."""
+TOLERANCE_STORED = 0.3
+"""The same once the weights are in 8 bits. The check's random inputs are far from any motion, and a phase without
+amplitude has any direction: this only guards against a broken file. On motion the difference is millimetres a gap."""
+
+
+class Step(nn.Module):
+    """The step with flat inputs and outputs, in the order of the layout; contacts as probabilities, the root it
+    foresees in the world."""
+
+    def __init__(self, model: DCMoE) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+        count = len(State._fields)
+        after, said = self.model(State(*tensors[:count]), Control(*tensors[count:]))
+        back = said.frame[:, ::2, ::2].transpose(-1, -2)
+        turned = said.trajectory[:, 1:].flatten(1).unflatten(1, (-1, 2)) @ back
+        future = turned.flatten(1).unflatten(1, (SIDE_KEYS, 6))
+        ground = said.origin[:, ::2]
+        origin = torch.cat([ground, torch.zeros_like(ground), torch.zeros_like(ground)], dim=-1)
+        carried = (value for name, value in after._asdict().items() if name in CARRIED)
+        return (*carried, said.contacts[:, 0].sigmoid(), future + origin[:, None])
+
+
+def export(
+    saved: Mapping[str, Any], out: Path, name: str | None = None, metrics: Mapping[str, Any] | None = None
+) -> Path:
+    """Writes the model folder ``out`` of a checkpoint."""
+    model = model_of(saved)
+    config = saved["config"]
+
+    def fill(made: Path) -> dict[str, Any]:
+        difference = write_step(model, made / "step.onnx")
+        bank = model.phase_bank.numpy().astype(np.float16)
+        if np.any(bank):
+            np.save(made / "phases.npy", bank)
+        return {
+            "absolute": config["absolute"],
+            "network": {"experts": config["experts"], "hidden": config["hidden"], "gate": config["gate"]},
+            "layout": {
+                "experts": dict(EXPERT_INPUT.blocks),
+                "gate": dict(GATE_INPUT.blocks),
+                "output": dict(output_layout(config["absolute"]).blocks),
+            },
+            "limits": {"trained_frames_to_target": LONGEST},
+            "difference_from_torch": difference,
+        }
+
+    return folder.write(out, saved, folder.Told(name, "dcmoe", dict(metrics or {})), model, fill)
+
+
+def model_of(saved: Mapping[str, Any]) -> DCMoE:
+    """The network of a checkpoint, ready to run. Raises InputError where the weights do not fit the config."""
+    config = saved["config"]
+    size = Size(config["experts"], config["hidden"], tuple(config["gate"]), config["absolute"], len(config["styles"]))
+    return cast(DCMoE, folder.averaged(saved, DCMoE(size)))
+
+
+def example(styles: int, batch: int, seed: int = 0) -> dict[str, Tensor]:
+    """Inputs of plausible size, for tracing and for the check."""
+    generator = torch.Generator().manual_seed(seed)
+    out = {}
+    for name, shape in (state_shapes() | control_shapes(styles)).items():
+        out[name] = torch.randn(batch, *shape, generator=generator) * 0.3
+    for name in ("rotations", "target_rotations", "base", "base_next"):
+        flat = out[name][:, 3:] if name.startswith("base") else out[name]
+        flat += torch.tensor([1.0, 0, 0, 0, 1.0, 0]).repeat(flat[0].numel() // 6).view_as(flat[0])
+    out["frames_left"] = torch.randint(1, LONGEST, (batch, 1), generator=generator).float()
+    out["style"] = torch.nn.functional.one_hot(torch.arange(batch) % (styles + 1), styles + 1).float()
+    out["path_known"] = (torch.arange(batch)[:, None] % 2).float()
+    return out
+
+
+def write_step(model: DCMoE, path: Path) -> dict[str, float]:
+    """Writes the ONNX file and returns the largest differences from torch, before and after the weights are rounded."""
+    styles = model.size.styles
+    outputs = [*(f"next_{name}" for name in CARRIED), "contacts", "next_path"]
+
+    def inputs(batch: int, seed: int) -> dict[str, Tensor]:
+        return example(styles, batch, seed)
+
+    return onnx_file.write(Step(model), path, inputs, outputs, TOLERANCE, TOLERANCE_STORED)

@@ -1,0 +1,96 @@
+"""A training run to a model folder, whatever its method; the format is described in docs/model-format.md."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import nn
+
+from interpose.errors import InputError
+from interpose.features import RATE
+from interpose.runtime.session import FORMAT
+from interpose.skeleton import HUMANOID
+
+Fill = Callable[[Path], Mapping[str, Any]]
+"""Writes a model's files into a folder and says what `model.json` tells of them."""
+
+
+def check_place(out: Path) -> None:
+    """Raises InputError where ``out`` is there and is no model folder."""
+    if out.exists() and not (out / "model.json").exists():
+        raise InputError(f"{out} is there and is no model folder; give another name")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a model is told to be: its name (by default the folder's), its method, and what it scored."""
+
+    name: str | None
+    method: str
+    metrics: dict[str, Any]
+
+
+def write(out: Path, saved: Mapping[str, Any], told: Told, model: nn.Module, fill: Fill) -> Path:
+    """Writes the folder ``out``; whole or not at all. ``saved``: the checkpoint that the model is from."""
+    check_place(out)
+    config = saved["config"]
+    info = {
+        "format": FORMAT,
+        "name": told.name or out.name,
+        "method": told.method,
+        "version": "0.1.0",
+        "made": date.today().isoformat(),
+        "preset": config["preset"],
+        "steps": saved["step"],
+        "styles": config["styles"],
+        "rate": RATE,
+        "skeleton": {
+            "names": HUMANOID.names,
+            "parents": HUMANOID.parents,
+            "offsets": np.round(HUMANOID.offsets, 6).tolist(),
+        },
+        "parameters": sum(p.numel() for p in model.parameters()),
+        "training_data": [" ".join(word[:12] for word in name.split()) for name in config["databases"]],
+        "licence": licence(config["licence"]),
+        "metrics": told.metrics,
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as folder:
+        made = Path(folder) / "model"
+        made.mkdir()
+        info |= fill(made)
+        (made / "model.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+        if out.exists():
+            shutil.rmtree(out)
+        made.replace(out)
+    return out
+
+
+def licence(data: str) -> str:
+    """What the weights may be used for, from the licences of the data they were trained on."""
+    if re.search(r"\bNC\b", data):
+        return f"non-commercial research only (trained on data under {data})"
+    return f"MIT; trained on data under {data}, which asks for credit" if data else "unknown"
+
+
+def averaged(saved: Mapping[str, Any], model: nn.Module) -> nn.Module:
+    """``model`` with the weights of a checkpoint, the moving average where one was kept, ready to run.
+
+    Raises InputError where the weights do not fit, as those of an older program may not.
+    """
+    weights = {k.removeprefix("module."): v for k, v in saved["ema"].items() if k.startswith("module.")}
+    try:
+        model.load_state_dict(weights)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise InputError(f"the run's weights are not those of its config ({reason}); train again") from None
+    return model.eval()
