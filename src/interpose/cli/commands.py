@@ -21,8 +21,8 @@ class Options:
 
     out: OutFile
     """The file to write, .bvh or .glb. With several variants: OUT-1, OUT-2, …, best first."""
-    method: Annotated[str, arg(metavar="dcmoe|interp")] = "dcmoe"
-    """dcmoe (a trained model) or interp (straight line and SLERP)."""
+    method: Annotated[str, arg(metavar="dcmoe|stitch|interp")] = "dcmoe"
+    """dcmoe or stitch (trained models) or interp (straight line and SLERP)."""
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
@@ -237,13 +237,15 @@ def prepare(
 
 
 def train(
-    network: Annotated[Positional[Literal["pae", "dcmoe"]], arg(metavar="pae|dcmoe")],
+    network: Annotated[Positional[Literal["pae", "dcmoe", "stitch"]], arg(metavar="pae|dcmoe|stitch")],
     /,
     data: Annotated[tuple[str, ...], arg(metavar="DB")],
     out: OutFolder,
     preset: Annotated[str, arg(metavar="NAME")] = "small",
     phases: Annotated[tuple[str, ...], arg(metavar="FILE", help_behavior_hint=_SAID)] = (),
     foreign_keys: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint=_SAID)] = None,
+    without: Annotated[str | None, arg(metavar="PART", help_behavior_hint=_SAID)] = None,
+    plan_from: Annotated[str | None, arg(metavar="RUN", help_behavior_hint=_SAID)] = None,
     minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint=_SAID)] = None,
     device: Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint=_SAID)] = None,
     seed: Annotated[int, arg(metavar="S")] = 0,
@@ -251,13 +253,15 @@ def train(
     """Train a network on a prepared database. Resumes where the run stopped.
 
     Args:
-        network: pae (the periodic autoencoder) or dcmoe.
+        network: pae (the periodic autoencoder), dcmoe or stitch (S-CVAE).
         data: Databases from `interpose prepare`.
         out: The run's folder.
-        preset: full, small or tiny; dcmoe also has paper, the paper's recipe unchanged.
+        preset: full, small or tiny; dcmoe and stitch also have paper, their papers' recipes unchanged.
         phases: For dcmoe: the phases.npy that the autoencoder's run wrote, one a database; unknown where left out.
         foreign_keys: For dcmoe: share of rows, 0 to 1, with another's upper body at the keys, to make the style matter.
             The default model was trained with 0.4; none where left out.
+        without: For stitch: what to leave out, as docs/stitch.md names the rows of table 6: "w/o BS", "w/o SL", ...
+        plan_from: For stitch: a finished run whose phases and plan are taken as they are.
         minutes: Stop after so many minutes; the same command goes on from there.
         device: Where to compute; a GPU where there is one.
         seed: Of weights and draws.
@@ -266,7 +270,9 @@ def train(
 
     if not data:
         return _nothing("train", "DB after --data")
-    return develop.train(network, data, phases, foreign_keys, out, preset, minutes, device, seed)
+    return develop.train(
+        network, data, out, preset, minutes, device, seed, develop.Extra(phases, foreign_keys, without, plan_from)
+    )
 
 
 def export(
@@ -288,7 +294,7 @@ def export(
 
 
 def evaluate(
-    protocol: Annotated[Positional[Literal["lafan1", "gallery"]], arg(metavar="lafan1|gallery")],
+    protocol: Annotated[Positional[Literal["lafan1", "stitch", "gallery"]], arg(metavar="lafan1|stitch|gallery")],
     /,
     data: Annotated[str, arg(metavar="DIR")],
     out: OutFolder,
@@ -302,10 +308,11 @@ def evaluate(
     """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and a figure (.png, with matplotlib).
 
     Args:
-        protocol: lafan1: the official protocol of LaFAN1. gallery: what the paths and durations of a gallery are worth.
-        data: lafan1: the folder of BVH files; gallery: a database that the gallery has not seen.
+        protocol: lafan1: the official protocol of LaFAN1. stitch: from exactly two frames, with samples. gallery: what
+            the paths and durations of a gallery are worth.
+        data: lafan1, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen.
         out: The folder for tables and figures.
-        methods: interp, zero-velocity, dcmoe (with --model) and LABEL=MODEL, separated by commas.
+        methods: interp, zero-velocity, dcmoe or stitch (with --model) and LABEL=MODEL, separated by commas.
         model: For dcmoe: an installed model or a folder; the installed model lafan1 where left out.
         context: Frames known to a model before the gap, 1 to 10; the baselines know the protocol's 10.
         seed: Of the bootstrap and of what the model draws.
@@ -314,6 +321,8 @@ def evaluate(
     """
     from interpose.cli import develop
 
+    if protocol == "stitch":
+        return develop.evaluate_stitch(data, methods, model, out, seed)
     if protocol == "gallery":
         return develop.evaluate_gallery(data, gallery, model, out, part, seed)
     return develop.evaluate(data, methods, model, out, context, seed)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from interpose.errors import InputError
 
@@ -24,27 +26,48 @@ def prepare(dataset: str, sources: Sequence[str], out: str, split: str, workers:
     return 0
 
 
+@dataclass(frozen=True)
+class Extra:
+    """Options that one recipe alone has."""
+
+    phases: Sequence[str] = ()
+    foreign_keys: float | None = None
+    without: str | None = None
+    plan_from: str | None = None
+
+    def of(self, network: str) -> dict[str, Any]:
+        """The recipe's own. Raises InputError where another's was given."""
+        for option, value, owner in (
+            ("--phases", self.phases, "dcmoe"),
+            ("--foreign-keys", self.foreign_keys, "dcmoe"),
+            ("--without", self.without, "stitch"),
+            ("--plan-from", self.plan_from, "stitch"),
+        ):
+            if network != owner and value not in (None, (), []):
+                raise InputError(f"{option} is for {owner}; {network} has no use for it")
+        if network == "dcmoe":
+            return {"phases": [Path(p) for p in self.phases] or None, "foreign_keys": self.foreign_keys}
+        if network == "stitch":
+            plan = None if self.plan_from is None else Path(self.plan_from)
+            return {"without": self.without, "plan_from": plan}
+        return {}
+
+
 def train(
     network: str,
     data: Sequence[str],
-    phases: Sequence[str],
-    foreign_keys: float | None,
     out: str,
     preset: str,
     minutes: float | None,
     device: str | None,
     seed: int,
+    extra: Extra,
 ) -> int:
     recipe = _of_extra(f"interpose.train.{network}")
     if device is None:
         device = "cuda" if _of_extra("torch").cuda.is_available() else "cpu"
     settings = {"max_minutes": minutes, "device": device, "seed": seed}
-    if network == "dcmoe":
-        settings |= {"phases": [Path(p) for p in phases] or None, "foreign_keys": foreign_keys}
-    elif phases:
-        raise InputError("--phases are for dcmoe; the periodic autoencoder makes them")
-    elif foreign_keys is not None:
-        raise InputError("--foreign-keys are for dcmoe; the periodic autoencoder has no keys")
+    settings |= extra.of(network)
     outcome = recipe.train([Path(d) for d in data], Path(out), preset, **settings)
     print(f"{out}: {outcome}", file=sys.stderr)
     return 130 if outcome == "interrupted" else 0
@@ -67,6 +90,21 @@ def evaluate(data: str, methods: str, model: str | None, out: str, context: int,
         context_frames=context,
         seed=seed,
         model=model,
+        progress=lambda message: print(message, file=sys.stderr, flush=True),
+    )
+    return _show(folder)
+
+
+def evaluate_stitch(data: str, methods: str, model: str | None, out: str, seed: int) -> int:
+    from interpose.evaluate import stitch
+
+    folder = Path(out)
+    stitch.evaluate_stitch(
+        Path(data),
+        methods.split(","),
+        folder,
+        model=model,
+        seed=seed,
         progress=lambda message: print(message, file=sys.stderr, flush=True),
     )
     return _show(folder)

@@ -62,7 +62,7 @@ def _outputs(options: Options) -> list[Path]:
 def _request(options: Options, untimed: bool) -> Request:
     """``untimed``: the gallery is to say how long a gap takes, for interpolation, too."""
     needed = options.method in METHODS and (options.method != "interp" or untimed)
-    session = load(options.model) if needed or options.model is not None else None
+    session = load(options.model, method=options.method) if needed or options.model is not None else None
     lines = drawfile.read(Path(options.path)) if options.path.lower().endswith(".json") else None
     gallery = None if options.gallery is None else trajectories.gallery_of(options.gallery)
     return Request(

@@ -92,8 +92,8 @@ def _clips(folder: Path, subjects: tuple[str, ...]) -> tuple[Motion, ...]:
     return tuple(clips)
 
 
-def cut(clips: tuple[Motion, ...], length: int = WINDOW, offset: int = OFFSET) -> Windows:
-    """The windows of all clips, in order.
+def cut(clips: tuple[Motion, ...], length: int = WINDOW, offset: int = OFFSET, past: int = PAST) -> Windows:
+    """The windows of all clips, in order; turned by the last of their ``past`` frames.
 
     The clips' skeletons differ by less than a micrometre; the first one's serves for all.
     """
@@ -105,7 +105,7 @@ def cut(clips: tuple[Motion, ...], length: int = WINDOW, offset: int = OFFSET) -
     roots, locals_ = np.concatenate(root), np.concatenate(local)
     if len(roots) == 0:
         raise InputError(f"no clip is longer than a window of {length} frames; ask for a shorter transition")
-    centre, turn = _placement(roots, locals_[:, :, 0])
+    centre, turn = _placement(roots, locals_[:, :, 0], past)
     locals_[:, :, 0] = rotation.multiply(turn, locals_[:, :, 0])
     roots = rotation.rotate(turn, roots - centre)
     skeleton = clips[0].skeleton
@@ -113,11 +113,11 @@ def cut(clips: tuple[Motion, ...], length: int = WINDOW, offset: int = OFFSET) -
 
 
 def _placement(
-    root: Float[ndarray, "window frame 3"], hips: Float[ndarray, "window frame 4"]
+    root: Float[ndarray, "window frame 3"], hips: Float[ndarray, "window frame 4"], past: int = PAST
 ) -> tuple[Float[ndarray, "window 1 3"], Float[ndarray, "window 1 4"]]:
     """The point that becomes each window's origin, and the rotation about it that follows."""
     ground = np.array([1.0, 0.0, 1.0])
-    forward = rotation.rotate(hips[:, PAST - 1], np.array([0.0, 1.0, 0.0])) * ground
+    forward = rotation.rotate(hips[:, past - 1], np.array([0.0, 1.0, 0.0])) * ground
     turn = rotation.between(forward, np.array([1.0, 0.0, 0.0]))
     return root.mean(axis=1, keepdims=True) * ground, turn[:, None]
 

@@ -16,6 +16,7 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.evaluate.lafan1 import PAST
 from interpose.motion import Motion
+from interpose.retarget import Mapping, from_humanoid, plan, to_humanoid
 from interpose.skeleton import HUMANOID, Skeleton
 
 Generate = Callable[[ndarray, ndarray, ndarray, ndarray, int], tuple[ndarray, ndarray]]
@@ -25,6 +26,10 @@ target_local (window, joint, 4), frames) -> (root (window, frames, 3), local (wi
 The last context frame is the start key. The signs of the quaternions that come back go on from it, as they do in the
 clips; L2Q counts on it.
 """
+
+
+Batch = tuple[ndarray, ndarray]
+"""Roots (window, frame, 3) and local rotations (window, frame, joint, 4)."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,29 @@ ZERO_VELOCITY = Method("zero-velocity", _zero_velocity)
 """The start pose, held."""
 
 
+@dataclass(frozen=True)
+class Carrier:
+    """Windows carried between a data set's skeleton and the humanoid, all frames in one call."""
+
+    skeleton: Skeleton
+    rate: float
+    mapping: Mapping
+
+    def onto(self, root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame joint 4"]) -> Batch:
+        """On the humanoid."""
+        return self._carried(to_humanoid, self.skeleton, root, local)
+
+    def back(self, root: Float[ndarray, "window frame 3"], local: Float[ndarray, "window frame 22 4"]) -> Batch:
+        """On the data set's skeleton."""
+        return self._carried(from_humanoid, HUMANOID, root, local)
+
+    def _carried(
+        self, across: Callable[[Motion, Mapping], Motion], source: Skeleton, root: ndarray, local: ndarray
+    ) -> Batch:
+        made = across(Motion(source, root.reshape(-1, 3), local.reshape(-1, len(source), 4), self.rate), self.mapping)
+        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
+
+
 def from_model(
     name: str,
     model: str | None,
@@ -95,21 +123,10 @@ def from_model(
     model: an installed model's name, its folder, or None for the default one. Raises InputError where it cannot be
     loaded, or where the skeleton is no humanoid.
     """
-    from interpose import retarget
-    from interpose.runtime import rollout, session
+    from interpose.runtime import methods, session
 
     loaded = session.load(model)
-    mapping = retarget.plan(skeleton)
-
-    def carried(
-        across: Callable[[Motion, retarget.Mapping], Motion],
-        source: Skeleton,
-        root: Float[ndarray, "window frame 3"],
-        local: Float[ndarray, "window frame joint 4"],
-    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame other 4"]]:
-        """Windows on the other skeleton, all frames in one call."""
-        made = across(Motion(source, root.reshape(-1, 3), local.reshape(-1, len(source), 4), rate), mapping)
-        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
+    carrier = Carrier(skeleton, rate, plan(skeleton))
 
     def generate(
         context_root: Float[ndarray, "window context 3"],
@@ -117,18 +134,67 @@ def from_model(
         target_root: Float[ndarray, "window 3"],
         target_local: Float[ndarray, "window joint 4"],
         frames: int,
-    ) -> tuple[Float[ndarray, "window frame 3"], Float[ndarray, "window frame joint 4"]]:
-        start = carried(retarget.to_humanoid, skeleton, context_root, context_local)
-        end_root, end_local = carried(retarget.to_humanoid, skeleton, target_root[:, None], target_local[:, None])
-        end = end_root[:, 0], end_local[:, 0]
-        made_root, made_local, contacts = rollout.generate_batch(
-            loaded, *start, *end, frames, style=[style] * len(context_root), seed=seed
+    ) -> Batch:
+        start = carrier.onto(context_root, context_local)
+        end = carrier.onto(target_root[:, None], target_local[:, None])
+        made_root, made_local, contacts = methods.generate_batch(
+            loaded, *start, end[0][:, 0], end[1][:, 0], frames, style=[style] * len(context_root), seed=seed
         )
-        standing = planted(start, (end_root, end_local), made_root, made_local, contacts)
-        root, local = carried(retarget.from_humanoid, HUMANOID, made_root, standing)
+        root, local = carrier.back(made_root, planted(start, end, made_root, made_local, contacts))
         return root, continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What a method drew for each window. motions: the likeliest first, then the samples, feet locked. raw: the
+    likeliest before that. apart: how far its chains' joints are apart in the middle, metres."""
+
+    motions: list[Batch]
+    raw: Batch
+    apart: Float[ndarray, "window"]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A method that draws: a name for the tables, and what gives so many samples of each window."""
+
+    name: str
+    draw: Callable[[ndarray, ndarray, ndarray, ndarray, int, int], Samples]
+
+
+def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int = 0) -> Drawn:
+    """The method of a stitching model on another skeleton, as :func:`from_model`, with samples."""
+    from interpose.runtime import session, stitched
+
+    loaded = session.load(model)
+    carrier = Carrier(skeleton, rate, plan(skeleton))
+
+    def draw(
+        context_root: ndarray,
+        context_local: ndarray,
+        target_root: ndarray,
+        target_local: ndarray,
+        frames: int,
+        count: int,
+    ) -> Samples:
+        start = carrier.onto(context_root, context_local)
+        end = carrier.onto(target_root[:, None], target_local[:, None])
+        keys = *start, end[0][:, 0], end[1][:, 0]
+        (root, local, contacts), apart = stitched.stitch(loaded, *keys, frames)
+
+        def finished(root: ndarray, local: ndarray) -> Batch:
+            root, local = carrier.back(root, local)
+            return root, continued(context_local[:, -1], local)
+
+        motions = [finished(root, planted(start, end, root, local, contacts))]
+        for number in range(count):
+            made, _ = stitched.stitch(loaded, *keys, frames, seed=1 + seed * count + number, vary=True)
+            motions.append(finished(made[0], planted(start, end, *made)))
+        return Samples(motions, finished(root, local), apart)
+
+    return Drawn(name, draw)
 
 
 def planted(

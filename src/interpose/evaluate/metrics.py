@@ -194,3 +194,16 @@ def jerk_ratio(pred: Float[ndarray, "window frame joint 3"], true: Float[ndarray
         return np.linalg.norm(np.diff(x, n=3, axis=1), axis=-1).mean(axis=(1, 2))
 
     return Scores(jerk(pred), jerk(true))
+
+
+def seam(whole: Float[ndarray, "window frame joint 3"]) -> tuple[Scores, Scores]:
+    """Speed and acceleration of the joints around the middle of the gap, over those of the whole gap.
+
+    ``whole``: the gap with both its keys, T intervals. The middle is the frame T // 2 and the one after it, between
+    which stitched chains meet. Near one where no seam shows; the truth says how near.
+    """
+    middle = (whole.shape[1] - 1) // 2
+    speed = np.linalg.norm(np.diff(whole, axis=1), axis=-1).mean(axis=-1)
+    bend = np.linalg.norm(np.diff(whole, n=2, axis=1), axis=-1).mean(axis=-1)
+    here = speed[:, middle - 1 : middle + 2], bend[:, middle - 1 : middle + 1]
+    return tuple(Scores(x.mean(axis=1), of.mean(axis=1)) for x, of in zip(here, (speed, bend), strict=True))

@@ -34,6 +34,8 @@ METRICS = {
     "arrival_position": ("m", 4),
     "key_acceleration": ("m/s²", 1),
     "jerk_ratio": ("of the truth's", 2),
+    "seam_speed": ("of the gap's", 2),
+    "seam_acceleration": ("of the gap's", 2),
     "path_deviation": ("m", 3),
     "duration_error_median": ("of the true duration", 2),
     "duration_within_20": ("share of suggestions within 20 %", 2),

@@ -37,7 +37,7 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import NOTHING_KNOWN, Ends, gather
 from interpose.gallery.windows import select
 from interpose.motion import Motion
-from interpose.runtime import guidance, rollout
+from interpose.runtime import guidance, methods, rollout
 from interpose.runtime.guidance import Gap, Wish
 from interpose.runtime.judgement import TOES
 from interpose.runtime.rollout import Path as Way
@@ -193,7 +193,7 @@ def _filled(
     session: Session, gaps: Gaps, chosen: Sequence[Way | None], vary: int | None = None
 ) -> tuple[Float[ndarray, "gap frame 3"], Float[ndarray, "gap frame 22 4"]]:
     """The gaps' inner frames along those paths, feet planted; ``vary`` is a seed of start phases."""
-    made_root, made_local, contacts = rollout.generate_batch(
+    made_root, made_local, contacts = methods.generate_batch(
         session,
         gaps.root[:, :1],
         gaps.local[:, :1],

@@ -18,7 +18,7 @@ from interpose.gallery import store
 from interpose.gallery.tracks import Tracks, from_motions
 from interpose.io.files import write_whole
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import rollout
+from interpose.runtime import methods
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
@@ -86,7 +86,7 @@ def tracks(
         context = [made[row][-CONTEXT if turn else -1 :] for row in rows]
         target = [database.motion(keys[row][turn + 1], keys[row][turn + 1] + 1) for row in rows]
         gaps = [keys[row][turn + 1] - keys[row][turn] - 1 for row in rows]
-        new_root, new_local, _ = rollout.generate_batch(
+        new_root, new_local, _ = methods.generate_batch(
             session,
             np.stack([c.root_positions for c in context]),
             np.stack([c.local_rotations for c in context]),

@@ -3,7 +3,8 @@
 The network follows a path that it is shown (Chu and Yang 2024, section 4): drawn by the user, straight, or matched from
 the gallery. Of the trajectories that fit, the first variant takes the one nearest to where the network would lead the
 root by itself, so that a real trajectory with real timing stands in for an averaged one; further variants take others.
-Where nothing is known of paths, the network is left to itself and the plan says why.
+Where nothing is known of paths, the network is left to itself and the plan says why. A model of method stitch has ways
+of its own, one for each latent, which measure better than the gallery's (docs/stitch.md): it is left to itself, too.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
-from interpose.runtime import rollout
+from interpose.runtime import methods
 from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
 
@@ -116,7 +117,7 @@ def plans(session: Session, gallery: Gallery | None, gap: Gap, wish: Wish, count
         line = Plan(steps, paths.straight(gap.query, steps), "straight")
         return _shared([line] * count, session, wish)
     made: list[Plan] = []
-    if wish.path == "auto" and gallery is not None:
+    if wish.path == "auto" and gallery is not None and session.follows_gallery:
         try:
             made, note = _matched(session, gallery, gap, wish, steps, count)
         except Unreachable as error:
@@ -183,7 +184,7 @@ def _out_and_in(path: Path, own: Path) -> Path:
 def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
     """Where the network leads the root by itself."""
     start, goal = gap.context, gap.target
-    made, _, _ = rollout.generate_batch(
+    made, _, _ = methods.generate_batch(
         session,
         start.root_positions[None],
         start.local_rotations[None],
@@ -220,7 +221,7 @@ def _too_fast(gallery: Gallery, query: Query, steps: int) -> str | None:
 def _shared(made: list[Plan], session: Session, wish: Wish) -> list[Plan]:
     """The plans with their styles: the one asked for; where it was left free, the path's own, or free first and then
     each style in turn, in an order that the seed decides."""
-    if wish.style is not None or not session.styles:
+    if wish.style is not None or not session.styles or not session.follows_gallery:
         return [replace(plan, style=wish.style) for plan in made]
     order = np.random.default_rng(wish.seed).permutation(len(session.styles))
     turns = [session.styles[i] for i in order]

@@ -10,7 +10,7 @@ from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
 from interpose.runtime.session import Session
 
-METHODS = ("dcmoe", "interp")
+METHODS = ("dcmoe", "stitch", "interp")
 PATHS = ("auto", "straight", "none")
 """What a path may be beside one that is drawn."""
 
@@ -48,9 +48,13 @@ class Request:
             raise InputError(f"the seed must be 0 or more, got {self.seed}")
         if self.method == "interp":
             if self.style is not None:
-                raise InputError(f"interpolation has no styles; leave out style '{self.style}', or choose dcmoe")
+                raise InputError(
+                    f"interpolation has no styles; leave out style '{self.style}', or choose dcmoe or stitch"
+                )
             if self.path != "auto":
-                raise InputError(f"interpolation follows no path; leave out path '{self.path}', or choose dcmoe")
+                raise InputError(
+                    f"interpolation follows no path; leave out path '{self.path}', or choose dcmoe or stitch"
+                )
         elif self.session is None:
             raise InputError(f"method '{self.method}' needs a model")
         elif self.style is not None and self.style not in self.session.styles:

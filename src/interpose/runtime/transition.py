@@ -17,7 +17,7 @@ from interpose import retarget
 from interpose.data.contacts import INDICES
 from interpose.gallery.paths import retime
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import feet, inertia, rollout
+from interpose.runtime import feet, inertia, methods, rollout
 from interpose.runtime.guidance import Plan
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
@@ -67,6 +67,15 @@ class Keys:
     before: Beyond | None
     after: Beyond | None
 
+    @property
+    def arriving(self) -> Float[ndarray, "batch 22 3"] | None:
+        """The joints' velocities at the target, where they are known."""
+        if self.after is None:
+            return None
+        here = Motion(HUMANOID, self.goal[0][:, 0], self.goal[1][:, 0], MODEL_RATE).global_positions()
+        there = Motion(HUMANOID, self.after.root, self.after.local, MODEL_RATE).global_positions()
+        return np.asarray((there - here) / self.after.seconds)
+
     def take(self, rows: list[int]) -> Keys:
         """Of some rows."""
         beyond = [
@@ -96,7 +105,7 @@ def generate(
     steps = [model_steps(n, rate) for n in frames]
     paths = [None if p.path is None else retime(p.path, n) for p, n in zip(plans, steps, strict=True)]
     keys = _keys(starts, target, mapping)
-    made = rollout.generate_batch(
+    made = methods.generate_batch(
         session,
         *keys.context,
         keys.goal[0][:, 0],
@@ -107,6 +116,7 @@ def generate(
         vary=True,
         paths=paths,
         control=control,
+        arriving=keys.arriving,
     )
     on_grid: dict[int, tuple[Float[ndarray, "frame 3"], Float[ndarray, "frame 22 4"]]] = {}
     for size in sorted(set(frames)):

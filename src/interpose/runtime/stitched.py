@@ -1,0 +1,316 @@
+"""Gaps stitched from both ends: the run time of S-CVAE (Ren et al. 2024, section 3), on ONNX Runtime alone.
+
+The networks are in three files: the plan of a gap, the forward generator and the backward one. Here is what surrounds
+them: interpolation between the keys and the plan's poses on it, the two chains made in turn, and how they become one
+(`interpose.stitching`). Random latents are inputs, so that a seed gives the same motion again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from interpose import rotation
+from interpose import skeleton as kinematics
+from interpose.features import RATE
+from interpose.runtime.rollout import PARENTS, Path, Pose, interpolation, pose_of
+from interpose.runtime.session import Session
+from interpose.stitching import ANCHORS, memory_shapes, schedule, shares, spread
+
+TEMPERATURE = 0.7
+"""How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
+STANDING = np.array([0.13, 0.05, 0.13, 0.05])
+"""Metres below which a foot joint of a key counts as in contact, as in training (METHOD.md, part F)."""
+FEET = tuple(range(3, 5)) + tuple(range(7, 9))
+
+Made = tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]
+"""Hips, local rotations and contact probabilities of the frames between the keys."""
+
+
+def noise(
+    session: Session, count: int, seed: int, vary: bool, moves: int
+) -> Float[ndarray, "batch unit"] | Float[ndarray, "batch move unit"]:
+    """Standard noise for the latents, one a gap or one for each of its ``moves``, as the model has it.
+
+    A row's depends on the seed and the row alone. Without ``vary``, and in the first row of seed 0, there is none: that
+    is the likeliest motion.
+    """
+    network = session.info["network"]
+    shape = (network["latent"],) if network["latents"] == "gap" else (moves, network["latent"])
+    out = np.zeros((count, *shape))
+    if vary:
+        for row in range(0 if seed else 1, count):
+            out[row] = TEMPERATURE * np.random.default_rng((seed, row)).standard_normal(shape)
+    return out
+
+
+def generate_batch(
+    session: Session,
+    start_root: Float[ndarray, "batch context 3"],
+    start_local: Float[ndarray, "batch context 22 4"],
+    target_root: Float[ndarray, "batch 3"],
+    target_local: Float[ndarray, "batch 22 4"],
+    frames: int | Sequence[int],
+    style: list[str | None] | None = None,
+    seed: int = 0,
+    vary: bool = False,
+    paths: Sequence[Path | None] | None = None,
+    control: float = 1.0,
+    arriving: Float[ndarray, "batch 22 3"] | None = None,
+) -> Made:
+    """As `interpose.runtime.rollout.generate_batch`, for a model of method stitch.
+
+    arriving: the joints' velocities at the target, where they are known.
+    """
+    keys = start_root, start_local, target_root, target_local
+    return stitch(session, *keys, frames, style, seed, vary, paths, control, arriving)[0]
+
+
+def stitch(
+    session: Session,
+    start_root: Float[ndarray, "batch context 3"],
+    start_local: Float[ndarray, "batch context 22 4"],
+    target_root: Float[ndarray, "batch 3"],
+    target_local: Float[ndarray, "batch 22 4"],
+    frames: int | Sequence[int],
+    style: list[str | None] | None = None,
+    seed: int = 0,
+    vary: bool = False,
+    paths: Sequence[Path | None] | None = None,
+    control: float = 1.0,
+    arriving: Float[ndarray, "batch 22 3"] | None = None,
+) -> tuple[Made, Float[ndarray, "batch"]]:
+    """:func:`generate_batch`, and how far apart the chains' joints are in the middle, metres (MMPE, equation 13); NaN
+    where only one chain comes so far."""
+    count = len(start_root)
+    each = [frames] * count if isinstance(frames, int) else list(frames)
+    longest = max(each, default=0)
+    hips = np.repeat(target_root[:, None], longest, axis=1)
+    local = np.repeat(target_local[:, None], longest, axis=1)
+    contacts, apart = np.zeros((count, longest, 4)), np.full(count, np.nan)
+    for length in sorted(set(each) - {0}):
+        drawn = noise(session, count, seed, vary, len(schedule(length + 1, *session.course)))
+        rows = [row for row, n in enumerate(each) if n == length]
+        made, apart[rows] = _of_length(
+            session,
+            (start_root[rows], start_local[rows]),
+            (target_root[rows], target_local[rows]),
+            length,
+            session.style_weights([(style or [None] * count)[row] for row in rows]),
+            drawn[rows],
+            [None if paths is None else paths[row] for row in rows],
+            control,
+            None if arriving is None else arriving[rows],
+        )
+        hips[rows, :length], local[rows, :length], contacts[rows, :length] = made
+    return (hips, local, contacts), apart
+
+
+def _of_length(
+    session: Session,
+    start: tuple[Float[ndarray, "batch context 3"], Float[ndarray, "batch context 22 4"]],
+    target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
+    frames: int,
+    style: Float[ndarray, "batch style"],
+    drawn: Float[ndarray, "batch *unit"],
+    paths: list[Path | None],
+    control: float,
+    arriving: Float[ndarray, "batch 22 3"] | None,
+) -> tuple[Made, Float[ndarray, "batch"]]:
+    """Gaps of one length."""
+    steps, network = frames + 1, session.info["network"]
+    context, goal = pose_of(*start), pose_of(*target)
+    first = Pose(context.hips[:, -1], context.rotations[:, -1], context.positions[:, -1], context.facing[:, -1])
+    leaving = None
+    if context.hips.shape[1] > 1:
+        leaving = (context.positions[:, -1] - context.positions[:, -2]) * RATE
+    keys = (start[0][:, -1], start[1][:, -1]), target
+    base = interpolation(*keys, frames)
+    latent = drawn
+    if "plan" in session.shapes:
+        ends = _ends(first, leaving, goal, arriving, steps, style, paths, control)
+        one = drawn if network["latents"] == "gap" else np.zeros((len(drawn), network["latent"]))
+        said = session.run("plan", {k: v.astype(np.float32) for k, v in (ends | {"noise": one}).items()})
+        if network["planned"]:
+            base = base + np.einsum("ta,bac->btc", spread(steps), said["added"])
+        if network["latents"] == "gap":
+            latent = said["latent"]
+    for row, path in enumerate(paths):
+        if path is not None:
+            base[row, 1:-1, 0] += control * (path[1:-1, 0] - base[row, 1:-1, 0])
+            base[row, 1:-1, 2] += control * (path[1:-1, 1] - base[row, 1:-1, 2])
+    speeds = leaving, None if arriving is None else -arriving
+    if network["form"] == "paper":
+        letter = Letter(np.array(session.info["mean_quaternions"]), first)
+        bodies = [letter.body(*key, speed) for key, speed in zip(keys, speeds, strict=True)]
+        chains = _chains(session, bodies, base, latent, style, steps)
+        hips, turned, contacts = _joined(chains, session, steps)
+        hips, local = letter.back(hips, turned)
+    else:
+        bodies = [_body(pose, speed) for pose, speed in zip((first, goal), speeds, strict=True)]
+        chains = _chains(session, bodies, base, latent, style, steps)
+        hips, turned, contacts = _joined(chains, session, steps)
+        local = kinematics.local_rotations(rotation.from_6d(turned), PARENTS)
+    signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
+    return (hips, rotation.continuous(signed).swapaxes(0, 1)[:, 1:], contacts), _apart(chains, steps)
+
+
+def _apart(chains: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]], steps: int) -> Float[ndarray, "batch"]:
+    """The mean distance of the chains' joints in the middle frame; NaN where not both have it."""
+    middle = steps // 2
+    if len(chains[0]) < middle or len(chains[1]) < steps - middle or not middle:
+        return np.full(len(chains[0][0]["hips"]), np.nan)
+    front, back = chains[0][middle - 1]["positions"], chains[1][steps - middle - 1]["positions"]
+    return np.asarray(np.linalg.norm(front - back, axis=-1).mean(axis=-1), dtype=float)
+
+
+def _ends(
+    start: Pose,
+    leaving: Float[ndarray, "batch 22 3"] | None,
+    target: Pose,
+    arriving: Float[ndarray, "batch 22 3"] | None,
+    steps: int,
+    style: Float[ndarray, "batch style"],
+    paths: list[Path | None],
+    control: float,
+) -> dict[str, ndarray]:
+    """The inputs of the plan."""
+    count = len(start.hips)
+    out: dict[str, ndarray] = {}
+    for name, pose, speed in (("start", start, leaving), ("target", target, arriving)):
+        out |= {
+            f"{name}_hips": pose.hips,
+            f"{name}_rotations": pose.rotations,
+            f"{name}_positions": pose.positions,
+            f"{name}_velocities": np.zeros_like(pose.positions) if speed is None else speed,
+            f"{name}_known": np.full((count, 1), float(speed is not None)),
+        }
+    way = np.zeros((count, ANCHORS, 4))
+    known = np.array([[float(path is not None and control > 0.0)] for path in paths])
+    at = np.arange(1, ANCHORS + 1) / (ANCHORS + 1) * steps
+    for row, path in enumerate(paths):
+        if path is not None:
+            x, z, yaw = (np.interp(at, np.arange(len(path)), path[:, i]) for i in range(3))
+            way[row] = np.stack([x, z, np.sin(yaw), np.cos(yaw)], axis=-1)
+    return out | {"steps": np.full((count, 1), float(steps)), "style": style, "path": way, "path_known": known}
+
+
+def _body(pose: Pose, velocities: Float[ndarray, "batch 22 3"] | None) -> dict[str, ndarray]:
+    """A chain's first frame."""
+    count = len(pose.hips)
+    return {
+        "hips": pose.hips,
+        "rotations": pose.rotations,
+        "positions": pose.positions,
+        "velocities": np.zeros_like(pose.positions) if velocities is None else velocities,
+        "known": np.full((count, 1), float(velocities is not None)),
+        "contacts": (pose.positions[:, FEET, 1] < STANDING).astype(float),
+        "phase": np.zeros((count, 4)),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Letter:
+    """To and from the paper's form: local quaternions with fixed signs, in the start's root frame."""
+
+    mean: Float[ndarray, "22 4"]
+    start: Pose
+
+    @property
+    def _turn(self) -> Float[ndarray, "batch 4"]:
+        """From the world into the start's root frame."""
+        half = -0.5 * np.arctan2(self.start.facing[:, 0], self.start.facing[:, 1])
+        nothing = np.zeros_like(half)
+        return np.stack([nothing, np.sin(half), nothing, np.cos(half)], axis=-1)
+
+    @property
+    def _origin(self) -> Float[ndarray, "batch 3"]:
+        return self.start.hips * np.array([1.0, 0.0, 1.0])
+
+    def body(
+        self,
+        root: Float[ndarray, "batch 3"],
+        local: Float[ndarray, "batch 22 4"],
+        velocities: Float[ndarray, "batch 22 3"] | None,
+    ) -> dict[str, ndarray]:
+        """A chain's first frame."""
+        turn = self._turn
+        turned = local.copy()
+        turned[:, 0] = rotation.multiply(turn, local[:, 0])
+        turned = np.where(np.sum(turned * self.mean, axis=-1, keepdims=True) < 0.0, -turned, turned)
+        hips = rotation.rotate(turn, root - self._origin)
+        speed = None if velocities is None else rotation.rotate(turn[:, None], velocities)
+        return _body(pose_of(hips, turned), speed) | {"rotations": turned}
+
+    def back(
+        self, hips: Float[ndarray, "batch frame 3"], turned: Float[ndarray, "batch frame 22 4"]
+    ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"]]:
+        """Hips and local rotations in the world."""
+        local = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+        back = rotation.inverse(self._turn)[:, None]
+        local[:, :, 0] = rotation.multiply(np.broadcast_to(back, local[:, :, 0].shape), local[:, :, 0])
+        return rotation.rotate(np.broadcast_to(back, (*hips.shape[:2], 4)), hips) + self._origin[:, None], local
+
+
+def _chains(
+    session: Session,
+    keys: list[dict[str, ndarray]],
+    base: Float[ndarray, "batch time pose"],
+    latent: Float[ndarray, "batch *unit"],
+    style: Float[ndarray, "batch style"],
+    steps: int,
+) -> tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]]:
+    """The frames of both chains, each in the order in which it made them."""
+    count = len(base)
+    base = base.astype(np.float32)
+    keys = [{name: value.astype(np.float32) for name, value in key.items()} for key in keys]
+    network = session.info["network"]
+    memories = memory_shapes(network["memory"], network["decoder_memory"])
+    memory = [{name: np.zeros((count, *shape), dtype=np.float32) for name, shape in memories.items()} for _ in keys]
+    newest, at = [*keys], [0, steps]
+    made: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]] = ([], [])
+    buffer, middle = session.course[0], steps // 2
+    for number, move in enumerate(schedule(steps, *session.course)):
+        side = int(move.backward)
+        other = keys[1 - side] if move.to_key else newest[1 - side]
+        gone = at[side] if not side else steps - at[side]
+        share = gone / middle if gone < middle else gone / (middle + buffer)
+        value = latent if latent.ndim == 2 else latent[:, number]
+        feed = newest[side] | memory[side]
+        feed |= {f"aim_{name}": other[name] for name in ("hips", "rotations", "positions")}
+        feed |= {"base_here": base[:, at[side]], "base_following": base[:, move.made], "base_there": base[:, move.aim]}
+        feed |= {
+            "left": np.full((count, 1), move.left, dtype=np.float32),
+            "latent": value.astype(np.float32),
+            "share": np.full((count, 1), min(1.0, share), dtype=np.float32),
+            "style": style,
+        }
+        said = session.run("back" if side else "front", feed)
+        newest[side] = {name: said[f"next_{name}"] for name in keys[0] if name != "known"}
+        newest[side]["known"] = np.ones((count, 1), dtype=np.float32)
+        memory[side] = {name: said[f"next_{name}"] for name in memories}
+        made[side].append(newest[side])
+        at[side] = move.made
+    return made
+
+
+def _joined(
+    chains: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]], session: Session, steps: int
+) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 turn"], Float[ndarray, "batch frame 4"]]:
+    """Both chains as one motion, blended where they overlap; rotations are not yet proper again."""
+    buffer, _, both = session.course
+    out = []
+    for name in ("hips", "rotations", "contacts"):
+        first = chains[0][0][name]
+        whole = np.zeros((2, len(first), steps + 1, *first.shape[1:]))
+        for number, chain in enumerate(chains):
+            for i, frame in enumerate(chain, start=1):
+                whole[number, :, steps - i if number else i] = frame[name]
+        of_back = shares(steps, buffer, both).reshape(-1, *[1] * (first.ndim - 1))
+        out.append(((1.0 - of_back) * whole[0] + of_back * whole[1])[:, 1:-1])
+    hips, turned, contacts = out
+    return hips, turned, contacts

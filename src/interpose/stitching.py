@@ -1,0 +1,180 @@
+"""What stitching from both ends means, apart from any network: who makes which frame, led to what, and how two chains
+become one (Ren et al. 2024, sections 3.2 and 3.3). Training and run time share it.
+
+A gap has ``steps`` intervals: frame 0 is the start key, frame ``steps`` the target key. The forward chain makes the
+frames up to the middle and ``buffer`` beyond, the backward chain those down to the middle and as many beyond, in turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.interpolate import CubicSpline
+
+from interpose.features import JOINTS
+
+ANCHORS = 8
+"""Frames that a plan of the gap has, evenly spaced in time, the keys not counted."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """One frame made. made: which. left: the frames from the one it follows to ``aim``, what it is led to.
+
+    to_key: whether that is the other key, and not the newest frame of the other chain.
+    """
+
+    backward: bool
+    made: int
+    left: int
+    aim: int
+    to_key: bool
+
+
+@dataclass(frozen=True)
+class Seam:
+    """Where the chains end. forward: the last frame that the forward chain makes. backward: the backward chain's.
+    middle: L/2, where MMPE is measured (equation 13)."""
+
+    forward: int
+    backward: int
+    middle: int
+
+    @property
+    def overlap(self) -> range:
+        """The frames that both chains make."""
+        return range(self.backward, self.forward + 1)
+
+
+def seam(steps: int, buffer: int, both: bool = True) -> Seam:
+    """Where the chains of a gap end; one chain alone makes everything.
+
+    The buffer is at most a quarter of the gap. It is K of section 3.2: the chains share 2K frames.
+    """
+    middle = steps // 2
+    if not both:
+        return Seam(steps - 1, steps, middle)
+    k = min(buffer, (steps + 1) // 4)
+    return Seam(middle + k, middle - k + 1, middle)
+
+
+@lru_cache
+def schedule(steps: int, buffer: int, aligned: bool = True, both: bool = True) -> tuple[Move, ...]:
+    """The frames of a gap in the order in which they are made.
+
+    aligned: bi-directional aligning (equation 3): each chain is led to the newest frame of the other until it has
+    passed that, then to the other key. Otherwise always to the other key. both: False for the forward chain alone.
+    """
+    ends = seam(steps, buffer, both)
+    moves: list[Move] = []
+    front, back = 0, steps
+    while front < ends.forward or back > ends.backward:
+        if front < ends.forward:
+            to_key = not aligned or front >= back
+            aim = steps if to_key else back
+            moves.append(Move(False, front + 1, aim - front, aim, to_key or back == steps))
+            front += 1
+        if back > ends.backward:
+            to_key = not aligned or back <= front
+            aim = 0 if to_key else front
+            moves.append(Move(True, back - 1, back - aim, aim, to_key or front == 0))
+            back -= 1
+    return tuple(moves)
+
+
+@lru_cache
+def shares(steps: int, buffer: int, both: bool = True) -> Float[ndarray, "frame"]:
+    """How much of each frame from start to target is the backward chain's: 0, linear over the overlap, then 1."""
+    ends = seam(steps, buffer, both)
+    out = np.zeros(steps + 1)
+    out[ends.forward + 1 :] = 1.0
+    shared = list(ends.overlap)
+    out[shared] = np.arange(1, len(shared) + 1) / (len(shared) + 1)
+    return out
+
+
+@lru_cache
+def spread(steps: int) -> Float[ndarray, "frame anchor"]:
+    """The weights that carry values at the :data:`ANCHORS` onto all frames, by a natural cubic spline that is nil at
+    both keys."""
+    knots = np.linspace(0.0, 1.0, ANCHORS + 2)
+    curve = CubicSpline(knots, np.eye(ANCHORS + 2)[:, 1:-1], axis=0, bc_type="natural")
+    out = np.asarray(curve(np.arange(steps + 1) / steps))
+    out[[0, -1]] = 0.0
+    return out
+
+
+def ends_shapes(styles: int) -> dict[str, tuple[int, ...]]:
+    """The inputs of a plan, without the batch axis; world frame, metres, seconds.
+
+    For start and target: hips position, joint rotations as 6-D, joint positions, joint velocities, and 1 where those
+    are known. steps: from start to target. style: weights over (free, style 1, ...). path: root x and z and facing
+    (x, z) at the anchors, path_known 0 where there is none.
+    """
+    key = {"hips": (3,), "rotations": (JOINTS, 6), "positions": (JOINTS, 3), "velocities": (JOINTS, 3), "known": (1,)}
+    return {
+        **{f"{end}_{name}": shape for end in ("start", "target") for name, shape in key.items()},
+        "steps": (1,),
+        "style": (styles + 1,),
+        "path": (ANCHORS, 4),
+        "path_known": (1,),
+    }
+
+
+def body_shapes(turn: int) -> dict[str, tuple[int, ...]]:
+    """A chain's newest frame, without the batch axis. turn: numbers of a joint's rotation, 6 or (paper's form) 4."""
+    return {
+        "hips": (3,),
+        "rotations": (JOINTS, turn),
+        "positions": (JOINTS, 3),
+        "velocities": (JOINTS, 3),
+        "known": (1,),
+        "contacts": (4,),
+        "phase": (4,),
+    }
+
+
+def aim_shapes(turn: int) -> dict[str, tuple[int, ...]]:
+    """What a step is led to, without the batch axis: the aim's pose, the frames left to it, and the base (hips, 6-D) at
+    the current frame, the next one and the aim."""
+    pose = (3 + JOINTS * 6,)
+    return {
+        "aim_hips": (3,),
+        "aim_rotations": (JOINTS, turn),
+        "aim_positions": (JOINTS, 3),
+        "left": (1,),
+        "base_here": pose,
+        "base_following": pose,
+        "base_there": pose,
+    }
+
+
+def memory_shapes(encoder: int, decoder: int) -> dict[str, tuple[int, ...]]:
+    """What the generators' LSTMs carry, without the batch axis."""
+    return {
+        "encoder_hidden": (encoder,),
+        "encoder_cell": (encoder,),
+        "decoder_hidden": (decoder,),
+        "decoder_cell": (decoder,),
+    }
+
+
+def latent_shapes(units: int, styles: int) -> dict[str, tuple[int, ...]]:
+    """latent: z of the gap, or the frame's noise; share: gamma of equation 2; style: as in :func:`ends_shapes`."""
+    return {"latent": (units,), "share": (1,), "style": (styles + 1,)}
+
+
+def network_shapes(network: dict[str, Any], styles: int) -> dict[str, dict[str, tuple[int, ...]]]:
+    """The inputs of a model's networks by name. network: what its `model.json` says of them."""
+    turn = 4 if network["form"] == "paper" else 6
+    step = body_shapes(turn) | aim_shapes(turn) | memory_shapes(network["memory"], network["decoder_memory"])
+    step |= latent_shapes(network["latent"], styles)
+    out = {"front": step, "back": step}
+    if network["planned"] or network["latents"] == "gap":
+        out["plan"] = ends_shapes(styles) | {"noise": (network["latent"],)}
+    return out
