@@ -12,6 +12,7 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from interpose.data.database import Database
     from interpose.models.dcmoe import DCMoE
+    from interpose.models.stitching_cvae import StitchingCVAE
     from interpose.runtime.session import Session
     from interpose.train.frames import Frames
 
@@ -99,3 +100,23 @@ def session(model_folder: Path) -> Session:
     from interpose.runtime.session import load
 
     return load(model_folder)
+
+
+@pytest.fixture(scope="session")
+def stitch_network(frames: Frames) -> StitchingCVAE:
+    """A small stitching model of random weights that says a lot; not to be changed."""
+    import stitch_learning
+
+    return stitch_learning.network_for(frames)
+
+
+@pytest.fixture(scope="session")
+def stitch_folder(stitch_network: StitchingCVAE, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That model, exported; not to be changed."""
+    import stitch_learning
+
+    from interpose import export
+
+    folder = tmp_path_factory.mktemp("stitching")
+    run = stitch_learning.write_run(folder / "run", stitch_network)
+    return export.export(run, folder / "stitching", metrics={"valid/30": 0.9})
