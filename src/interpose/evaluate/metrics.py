@@ -205,5 +205,7 @@ def seam(whole: Float[ndarray, "window frame joint 3"]) -> tuple[Scores, Scores]
     middle = (whole.shape[1] - 1) // 2
     speed = np.linalg.norm(np.diff(whole, axis=1), axis=-1).mean(axis=-1)
     bend = np.linalg.norm(np.diff(whole, n=2, axis=1), axis=-1).mean(axis=-1)
-    here = speed[:, middle - 1 : middle + 2], bend[:, middle - 1 : middle + 1]
-    return tuple(Scores(x.mean(axis=1), of.mean(axis=1)) for x, of in zip(here, (speed, bend), strict=True))
+    return (
+        Scores(speed[:, middle - 1 : middle + 2].mean(axis=1), speed.mean(axis=1)),
+        Scores(bend[:, middle - 1 : middle + 1].mean(axis=1), bend.mean(axis=1)),
+    )

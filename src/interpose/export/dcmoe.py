@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,6 +21,7 @@ from interpose.features import (
     state_shapes,
 )
 from interpose.models.dcmoe import Control, DCMoE, Size, State
+from interpose.train import checkpoint
 
 CARRIED = [name for name in state_shapes() if name != "velocity_known"]
 """The state that comes out of a step; the velocity is always known then."""
@@ -82,7 +83,9 @@ def model_of(saved: Mapping[str, Any]) -> DCMoE:
     """The network of a checkpoint, ready to run. Raises InputError where the weights do not fit the config."""
     config = saved["config"]
     size = Size(config["experts"], config["hidden"], tuple(config["gate"]), config["absolute"], len(config["styles"]))
-    return cast(DCMoE, folder.averaged(saved, DCMoE(size)))
+    model = DCMoE(size)
+    checkpoint.average_into(model, saved)
+    return model
 
 
 def example(styles: int, batch: int, seed: int = 0) -> dict[str, Tensor]:

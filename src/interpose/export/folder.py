@@ -80,17 +80,3 @@ def licence(data: str) -> str:
     if re.search(r"\bNC\b", data):
         return f"non-commercial research only (trained on data under {data})"
     return f"MIT; trained on data under {data}, which asks for credit" if data else "unknown"
-
-
-def averaged(saved: Mapping[str, Any], model: nn.Module) -> nn.Module:
-    """``model`` with the weights of a checkpoint, the moving average where one was kept, ready to run.
-
-    Raises InputError where the weights do not fit, as those of an older program may not.
-    """
-    weights = {k.removeprefix("module."): v for k, v in saved["ema"].items() if k.startswith("module.")}
-    try:
-        model.load_state_dict(weights)
-    except RuntimeError as error:
-        reason = str(error).splitlines()[-1].strip()
-        raise InputError(f"the run's weights are not those of its config ({reason}); train again") from None
-    return model.eval()

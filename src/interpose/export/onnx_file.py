@@ -109,7 +109,7 @@ def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
     """
     graph = model.graph
     weights = {t.name: t for t in graph.initializer if int(np.prod(t.dims)) >= least}
-    nodes = []
+    nodes, stored = [], set()
     for node in graph.node:
         flags = {a.name: a.i for a in node.attribute}
         if node.op_type != "Gemm" or node.input[1] not in weights or flags.get("transA"):
@@ -124,9 +124,11 @@ def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
         scales[scales == 0.0] = 1.0
         codes = np.clip(np.round(blocks / scales[..., None]) + 128.0, 0, 255).astype(np.uint8)
         name = tensor.name
-        graph.initializer.append(numpy_helper.from_array(codes, f"{name}.codes"))
-        graph.initializer.append(numpy_helper.from_array(scales.reshape(-1), f"{name}.scales"))
-        graph.initializer.remove(tensor)
+        if name not in stored:  # a layer may be used twice
+            graph.initializer.append(numpy_helper.from_array(codes, f"{name}.codes"))
+            graph.initializer.append(numpy_helper.from_array(scales.reshape(-1), f"{name}.scales"))
+            graph.initializer.remove(tensor)
+            stored.add(name)
         bias = ["", "", node.input[2]] if len(node.input) > 2 else []
         inputs = [node.input[0], f"{name}.codes", f"{name}.scales", *bias]
         shape = {"K": deep, "N": wide, "bits": 8, "block_size": BLOCK, "accuracy_level": 4}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,9 +12,10 @@ from torch import Tensor, nn
 
 from interpose import stitching
 from interpose.export import folder, onnx_file
-from interpose.models.gap_plan import LONGEST, Ends, GapPlan, PlanSize
+from interpose.models.gap_plan import LONGEST, Ends, GapPlan
 from interpose.models.stitch_forms import Aim, Body
-from interpose.models.stitching_cvae import Generator, Latent, Memory, Size, StitchingCVAE
+from interpose.models.stitching_cvae import Generator, Latent, Memory
+from interpose.train.stitch import model_of
 
 TOLERANCE = 2e-3
 """Largest difference allowed between ONNX and torch, relative to an output's range."""
@@ -95,18 +96,6 @@ def export(
         return told
 
     return folder.write(out, saved, folder.Told(name, "stitch", dict(metrics or {})), model, fill)
-
-
-def size_of(config: Mapping[str, Any]) -> Size:
-    """The size that a run's `config.json` tells of."""
-    told: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in config["size"].items()}
-    told["plan"] = PlanSize(**told["plan"])
-    return Size(**told)
-
-
-def model_of(saved: Mapping[str, Any]) -> StitchingCVAE:
-    """The networks of a checkpoint, ready to run. Raises InputError where the weights do not fit the config."""
-    return cast(StitchingCVAE, folder.averaged(saved, StitchingCVAE(size_of(saved["config"]))))
 
 
 def example(shapes: Mapping[str, tuple[int, ...]], batch: int, seed: int = 0) -> dict[str, Tensor]:

@@ -94,6 +94,20 @@ def load(run_dir: Path) -> dict[str, Any] | None:
     return None
 
 
+def average_into(model: torch.nn.Module, saved: Mapping[str, Any]) -> None:
+    """Gives ``model`` the weights of a checkpoint, the moving average, ready to run.
+
+    Raises InputError where they do not fit, as those of an older program may not.
+    """
+    weights = {k.removeprefix("module."): v for k, v in saved["ema"].items() if k.startswith("module.")}
+    try:
+        model.load_state_dict(weights)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise InputError(f"the run's weights are not those of its config ({reason}); train again") from None
+    model.eval()
+
+
 def resume(run_dir: Path, state: State, config: object) -> int:
     """Opens the run folder and puts its last checkpoint, if any, into ``state``; the number of steps already done.
 

@@ -1,0 +1,142 @@
+"""What each part of the recipe of S-CVAE minimises: the phases' network, the plan, the generators."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from interpose.features import RATE
+from interpose.models import discriminator
+from interpose.models.discriminator import Discriminators
+from interpose.models.gap_plan import POSE, Normal, divergence
+from interpose.models.geometry import joint_positions, to_matrix, to_six
+from interpose.models.stitch_forms import Aim, Body
+from interpose.models.stitching_cvae import StitchingCVAE
+from interpose.stitching import seam
+from interpose.train import gaps, stitch_losses
+from interpose.train.frames import Frames
+from interpose.train.gaps import Motion, Sampling
+from interpose.train.stitch_config import Config
+from interpose.train.stitch_gaps import made_gaps, true_motion
+
+
+def phase_loss(
+    model: StitchingCVAE, data: Frames, phases: Float[Tensor, "frame 4"], rows: int, generator: torch.Generator
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """How well both phase networks foresee the local phases one frame on; of half the frames the phase is unknown or
+    blurred, as it is on the way from a lone key."""
+    device = data.hips.device
+    paper = model.size.form == "paper"
+    total = torch.zeros((), device=device)
+    still = torch.tensor([-1.0, 1.0, -1.0, 1.0], device=device)
+    for backward, side in ((False, model.front), (True, model.back)):
+        drawn = gaps.draw(data, rows, model.size.styles, Sampling(path=0.0, velocity=0.0), generator, steps=2)
+        true = true_motion(model, data, drawn, 2)
+        before, now, after = (2, 1, 0) if backward else (0, 1, 2)
+        body = Body(
+            true.hips[:, now],
+            true.rotations[:, now],
+            true.positions[:, now],
+            (true.positions[:, now] - true.positions[:, before]) * RATE,
+            torch.ones(rows, 1, device=device),
+            true.contacts[:, now],
+            torch.zeros(rows, 4, device=device),
+        )
+        features = side.form.features(body, _aim(body, true, now, paper))
+        x = side.normalised("state", features.state)
+        turned = still if backward else torch.ones_like(still)
+        here, there = phases[drawn.start + now] * turned, phases[drawn.start + after] * turned
+        known = torch.rand(rows, 1, generator=generator, device=device)
+        blur = 0.1 * torch.randn(rows, 4, generator=generator, device=device)
+        here = torch.where(known < 0.2, 0.0, here + torch.where(known < 0.6, blur, 0.0))
+        total = total + (side.phases(x, here) - there).abs().mean()
+    return total, {"phase": total}
+
+
+def _aim(body: Body, true: Motion, at: int, paper: bool) -> Aim:
+    """An aim for features of the state alone."""
+    nothing = torch.zeros(len(body.hips), POSE, device=body.hips.device)
+    left = torch.ones_like(body.known)
+    del paper
+    return Aim(true.hips[:, at], true.rotations[:, at], true.positions[:, at], left, nothing, nothing, nothing)
+
+
+def plan_loss(
+    model: StitchingCVAE, data: Frames, config: Config, rows: int, generator: torch.Generator
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """Reconstruction of the poses at the anchors and the divergence of the posterior from the prior."""
+    plan = model.plan
+    assert plan is not None
+    device = data.hips.device
+    drawn = gaps.draw(data, rows, model.size.styles, config.sampling, generator)
+    parts = gaps.anchor_times(data.hips).expand(rows, -1)
+    base = gaps.base(data, drawn, parts)
+    residual = gaps.residual(data, drawn, base)
+    x, frame = plan(gaps.ends(data, drawn))
+    q, p = plan.recognise(x, frame, residual), plan.expect(x)
+    noise = torch.randn(q.mean.shape, generator=generator, device=device)
+    added = plan.decode(x, frame, q.at(noise))
+    made = base + added
+    matrices = to_matrix(made[..., 3:].unflatten(-1, (22, 6)))
+    positions = joint_positions(made[..., :3].flatten(0, 1), matrices.flatten(0, 1)).unflatten(0, made.shape[:2])
+    true = gaps.between(data.positions, drawn, parts[0])
+    turned = gaps.between(data.rotations, drawn, parts[0])
+    keys = data.positions[drawn.start][:, None], data.positions[drawn.target][:, None]
+    step, true_step = (torch.cat([keys[0], x, keys[1]], dim=1).diff(dim=1) for x in (positions, true))
+    nats = divergence(q, p).sum(dim=-1).mean()
+    each = {
+        "plan position": (positions - true).abs().mean(),
+        "plan rotation": (to_six(matrices) - turned).abs().mean(),
+        "plan displacement": (step - true_step).abs().mean(),
+        "nats": nats,
+    }
+    total = 3.0 * each["plan position"] + each["plan rotation"] + 2.0 * each["plan displacement"]
+    return total + config.weights.divergence * nats, each
+
+
+def stitch_loss(
+    model: StitchingCVAE,
+    critics: Discriminators,
+    against: torch.optim.Optimizer,
+    data: Frames,
+    config: Config,
+    gone: float,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """The generators' loss on stitched roll-outs, after a step of the discriminators. ``gone``: share of the part."""
+    device, rows = data.hips.device, config.stitch.rows
+    reach = config.shortest + 1 + (config.longest - config.shortest) * min(1.0, gone / max(config.growth, 1e-6))
+    frames = int(torch.randint(config.shortest, int(reach), (1,), generator=generator, device=device))
+    steps = frames - 1
+    drawn = gaps.draw(data, rows, model.size.styles, config.sampling, generator, steps=steps)
+    known = torch.ones(rows, device=device)
+    made, true, said = made_gaps(model, data, drawn, config, generator, known)
+    overlap = list(seam(steps, config.course.buffer, config.course.both).overlap)
+    each = stitch_losses.chains(made, true, overlap, known, config.weights.entropy)
+    if said:
+        standard = Normal(torch.zeros_like(said[0].mean), torch.zeros_like(said[0].mean))
+        each["divergence"] = torch.stack([divergence(one, standard).sum(dim=-1).mean() for one in said]).mean()
+    strength = config.weights.adversarial * min(1.0, max(0.0, gone - config.critics_from) / 0.1 + 1e-3)
+    if strength > 0.0 and gone >= config.critics_from:
+        turned = true.rotations[:, 0, 0]
+        first = to_matrix(turned) if turned.shape[-1] == 6 else _still(turned)
+        shown = discriminator.seen(made.positions, first)
+        real = discriminator.seen(true.positions, first)
+        lost = discriminator.critic_loss(critics, real, shown)
+        against.zero_grad(set_to_none=True)
+        lost.backward()
+        torch.nn.utils.clip_grad_norm_(critics.parameters(), config.clip)
+        against.step()
+        each["adversarial"] = discriminator.generator_loss(critics, shown)
+        each["critics"] = lost.detach()
+    weights = config.weights
+    names = ("position", "rotation", "displacement", "foot", "contact", "stitch", "energy", "root", "divergence")
+    total = sum(getattr(weights, name) * each[name] for name in names if name in each)
+    total = total + strength * each.get("adversarial", torch.zeros((), device=device))
+    return torch.as_tensor(total), each
+
+
+def _still(quaternions: Float[Tensor, "row 4"]) -> Float[Tensor, "row 3 3"]:
+    """The paper's form is already in the start's frame."""
+    return torch.eye(3, device=quaternions.device).expand(len(quaternions), 3, 3)
