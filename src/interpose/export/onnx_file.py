@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -28,15 +29,23 @@ Example = Callable[[int, int], dict[str, Tensor]]
 
 
 def write(
-    network: nn.Module, path: Path, example: Example, outputs: Sequence[str], tolerance: float, tolerance_stored: float
+    network: nn.Module,
+    path: Path,
+    example: Example,
+    outputs: Sequence[str],
+    tolerance: float,
+    tolerance_stored: float,
+    frames: bool = False,
 ) -> dict[str, float]:
     """Writes ``network`` and returns the largest differences from torch, before and after its weights are rounded.
 
-    Raises InputError where one is larger than its tolerance.
+    frames: whether the inputs' second axis, too, may have any length. Raises InputError where one is larger than its tolerance.
     """
     network = network.eval()
     inputs = example(3, 0)
-    batch = torch.export.Dim("batch", min=1, max=65536)
+    free: dict[int, Any] = {0: torch.export.Dim("batch", min=1, max=65536)}
+    if frames:
+        free[1] = torch.export.Dim("frames", min=3, max=4096)
     with _quiet(), warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
@@ -44,7 +53,7 @@ def write(
             tuple(inputs.values()),
             input_names=list(inputs),
             output_names=list(outputs),
-            dynamic_shapes=(tuple({0: batch} for _ in inputs),),
+            dynamic_shapes=(tuple(dict(free) for _ in inputs),),
             opset_version=OPSET,
             dynamo=True,
             verbose=False,
