@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+from learning import STYLES
 from torch import nn
 
 from interpose.models.stitching_cvae import Size, StitchingCVAE
@@ -16,7 +17,6 @@ from interpose.train import checkpoint, loop
 from interpose.train.frames import Frames
 from interpose.train.stitch_config import LETTER, PRESETS, Config
 from interpose.train.stitch_gaps import set_statistics
-from learning import STYLES
 
 _TINY = PRESETS["tiny"]
 CONFIG = replace(
