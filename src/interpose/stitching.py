@@ -169,6 +169,10 @@ def latent_shapes(units: int, styles: int) -> dict[str, tuple[int, ...]]:
     return {"latent": (units,), "share": (1,), "style": (styles + 1,)}
 
 
+DETAIL_SHAPES: dict[str, tuple[int, ...]] = {"hips": (-1, 3), "rotations": (-1, JOINTS, 6), "contacts": (-1, 4)}
+"""The inputs of a detail transformer, without the batch axis: a motion of any length (-1) with both its keys."""
+
+
 def network_shapes(network: dict[str, Any], styles: int) -> dict[str, dict[str, tuple[int, ...]]]:
     """The inputs of a model's networks by name. network: what its `model.json` says of them."""
     turn = 4 if network["form"] == "paper" else 6

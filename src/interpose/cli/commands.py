@@ -21,8 +21,8 @@ class Options:
 
     out: OutFile
     """The file to write, .bvh or .glb. With several variants: OUT-1, OUT-2, …, best first."""
-    method: Annotated[str, arg(metavar="dcmoe|stitch|interp")] = "dcmoe"
-    """dcmoe or stitch (trained models) or interp (straight line and SLERP)."""
+    method: Annotated[str, arg(metavar="dcmoe|stitch|stitch+detail|interp")] = "dcmoe"
+    """dcmoe, stitch or stitch+detail (trained models) or interp (straight line and SLERP)."""
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
@@ -237,7 +237,7 @@ def prepare(
 
 
 def train(
-    network: Annotated[Positional[Literal["pae", "dcmoe", "stitch"]], arg(metavar="pae|dcmoe|stitch")],
+    network: Annotated[Positional[Literal["pae", "dcmoe", "stitch", "detail"]], arg(metavar="pae|dcmoe|stitch|detail")],
     /,
     data: Annotated[tuple[str, ...], arg(metavar="DB")],
     out: OutFolder,
@@ -246,6 +246,8 @@ def train(
     foreign_keys: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint=_SAID)] = None,
     without: Annotated[str | None, arg(metavar="PART", help_behavior_hint=_SAID)] = None,
     plan_from: Annotated[str | None, arg(metavar="RUN", help_behavior_hint=_SAID)] = None,
+    refines: Annotated[str | None, arg(metavar="RUN", help_behavior_hint=_SAID)] = None,
+    backward: Annotated[bool, arg(help_behavior_hint=_SAID)] = False,
     minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint=_SAID)] = None,
     device: Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint=_SAID)] = None,
     seed: Annotated[int, arg(metavar="S")] = 0,
@@ -253,7 +255,7 @@ def train(
     """Train a network on a prepared database. Resumes where the run stopped.
 
     Args:
-        network: pae (the periodic autoencoder), dcmoe or stitch (S-CVAE).
+        network: pae (the periodic autoencoder), dcmoe, stitch (S-CVAE) or detail (refines what stitch makes).
         data: Databases from `interpose prepare`.
         out: The run's folder.
         preset: full, small or tiny; dcmoe and stitch also have paper, their papers' recipes unchanged.
@@ -262,6 +264,8 @@ def train(
             The default model was trained with 0.4; none where left out.
         without: For stitch: what to leave out, as docs/stitch.md names the rows of table 6: "w/o BS", "w/o SL", ...
         plan_from: For stitch: a finished run whose phases and plan are taken as they are.
+        refines: For detail: the run of stitch whose transitions it learns to refine.
+        backward: For dcmoe: on motion that runs backwards, for stitching from both ends.
         minutes: Stop after so many minutes; the same command goes on from there.
         device: Where to compute; a GPU where there is one.
         seed: Of weights and draws.
@@ -270,9 +274,8 @@ def train(
 
     if not data:
         return _nothing("train", "DB after --data")
-    return develop.train(
-        network, data, out, preset, minutes, device, seed, develop.Extra(phases, foreign_keys, without, plan_from)
-    )
+    extra = develop.Extra(phases, foreign_keys, without, plan_from, refines, backward)
+    return develop.train(network, data, out, preset, minutes, device, seed, extra)
 
 
 def export(
@@ -280,6 +283,7 @@ def export(
     /,
     out: OutFolder,
     name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None,
+    onto: Annotated[str | None, arg(metavar="MODEL", help_behavior_hint=_SAID)] = None,
 ) -> int:
     """Turn a training run into a model's folder: ONNX networks, checked against torch, and model.json.
 
@@ -287,10 +291,11 @@ def export(
         run: The run's folder.
         out: The model's folder.
         name: The model's name; that of the folder where left out.
+        onto: For a run of detail, or of dcmoe --backward: the model's folder that it completes; out is a copy of that.
     """
     from interpose.cli import develop
 
-    return develop.export(run, out, name)
+    return develop.export(run, out, name, onto)
 
 
 def evaluate(

@@ -34,6 +34,8 @@ class Extra:
     foreign_keys: float | None = None
     without: str | None = None
     plan_from: str | None = None
+    refines: str | None = None
+    backward: bool = False
 
     def of(self, network: str) -> dict[str, Any]:
         """The recipe's own. Raises InputError where another's was given."""
@@ -42,14 +44,19 @@ class Extra:
             ("--foreign-keys", self.foreign_keys, "dcmoe"),
             ("--without", self.without, "stitch"),
             ("--plan-from", self.plan_from, "stitch"),
+            ("--refines", self.refines, "detail"),
+            ("--backward", self.backward, "dcmoe"),
         ):
-            if network != owner and value not in (None, (), []):
+            if network != owner and value not in (None, False, (), []):
                 raise InputError(f"{option} is for {owner}; {network} has no use for it")
         if network == "dcmoe":
-            return {"phases": [Path(p) for p in self.phases] or None, "foreign_keys": self.foreign_keys}
+            phases = [Path(p) for p in self.phases] or None
+            return {"phases": phases, "foreign_keys": self.foreign_keys, "backward": self.backward}
         if network == "stitch":
             plan = None if self.plan_from is None else Path(self.plan_from)
             return {"without": self.without, "plan_from": plan}
+        if network == "detail":
+            return {"refines": None if self.refines is None else Path(self.refines)}
         return {}
 
 
@@ -73,8 +80,8 @@ def train(
     return 130 if outcome == "interrupted" else 0
 
 
-def export(run: str, out: str, name: str | None) -> int:
-    made = _of_extra("interpose.export").export(Path(run), Path(out), name=name)
+def export(run: str, out: str, name: str | None, onto: str | None) -> int:
+    made = _of_extra("interpose.export").export(Path(run), Path(out), name=name, onto=onto)
     print(f"wrote {made}", file=sys.stderr)
     return 0
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from interpose.errors import InputError
 from interpose.export import folder, onnx_file
 from interpose.features import (
     EXPERT_INPUT,
@@ -21,6 +22,7 @@ from interpose.features import (
     state_shapes,
 )
 from interpose.models.dcmoe import Control, DCMoE, Size, State
+from interpose.runtime.session import Session
 from interpose.train import checkpoint
 
 CARRIED = [name for name in state_shapes() if name != "velocity_known"]
@@ -77,6 +79,21 @@ def export(
         }
 
     return folder.write(out, saved, folder.Told(name, "dcmoe", dict(metrics or {})), model, fill)
+
+
+def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
+    """Writes a copy of a model that has the backward step too, so that it can stitch; see `interpose.runtime.dual`.
+
+    Raises InputError where the two are not of one kind.
+    """
+    model = model_of(saved)
+    if list(onto.styles) != list(saved["config"]["styles"]) or onto.feeds_path_back != saved["config"]["absolute"]:
+        raise InputError(f"the backward run's styles or form are not those of '{onto.name}'; train both alike")
+
+    def fill(made: Path) -> dict[str, Any]:
+        return {"backward": {"steps": saved["step"], "difference_from_torch": write_step(model, made / "back.onnx")}}
+
+    return folder.complete(onto, out, name, "dcmoe", fill)
 
 
 def model_of(saved: Mapping[str, Any]) -> DCMoE:

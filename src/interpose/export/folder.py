@@ -17,7 +17,7 @@ from torch import nn
 
 from interpose.errors import InputError
 from interpose.features import RATE
-from interpose.runtime.session import FORMAT
+from interpose.runtime.session import FORMAT, Session
 from interpose.skeleton import HUMANOID
 
 Fill = Callable[[Path], Mapping[str, Any]]
@@ -63,12 +63,31 @@ def write(out: Path, saved: Mapping[str, Any], told: Told, model: nn.Module, fil
         "licence": licence(config["licence"]),
         "metrics": told.metrics,
     }
+    return _placed(out, info, fill)
+
+
+def complete(session: Session, out: Path, name: str | None, method: str, fill: Fill) -> Path:
+    """Writes a copy of a model's folder with more in it; whole or not at all. Raises InputError for another method."""
+    check_place(out)
+    if session.method != method:
+        raise InputError(f"the model '{session.name}' is for method {session.method}; give one for {method}")
+
+    def filled(made: Path) -> dict[str, Any]:
+        for file in session.path.iterdir():
+            if file.name != "model.json":
+                shutil.copy2(file, made / file.name)
+        return dict(fill(made))
+
+    return _placed(out, session.info | {"name": name or out.name, "made": date.today().isoformat()}, filled)
+
+
+def _placed(out: Path, info: dict[str, Any], fill: Fill) -> Path:
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as folder:
         made = Path(folder) / "model"
         made.mkdir()
-        info |= fill(made)
-        (made / "model.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+        told = info | dict(fill(made))
+        (made / "model.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
         if out.exists():
             shutil.rmtree(out)
         made.replace(out)

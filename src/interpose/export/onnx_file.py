@@ -39,7 +39,8 @@ def write(
 ) -> dict[str, float]:
     """Writes ``network`` and returns the largest differences from torch, before and after its weights are rounded.
 
-    frames: whether the inputs' second axis, too, may have any length. Raises InputError where one is larger than its tolerance.
+    frames: whether the inputs' second axis, too, may have any length. Raises InputError where a difference is larger
+    than its tolerance.
     """
     network = network.eval()
     inputs = example(3, 0)

@@ -171,7 +171,7 @@ def _transitions(
     elif request.method != "interp":
         fallback = _why_not(starts[0], frames, request, mapping)
     plans: list[Plan | None] = [None] * len(starts)
-    session = request.session
+    session = None if request.session is None else request.session.serving(request.method)
     if session is None or gap is None or isinstance(mapping, str) or request.method == "interp" or fallback is not None:
         if frames is None:  # a rig that is no humanoid, told of in the fallback
             raise InputError(f"how long this takes is not known: {fallback}; give a number of frames")
@@ -265,7 +265,7 @@ def _why_not(start: Motion, frames: int | None, request: Request, mapping: retar
     assert request.session is not None
     if isinstance(mapping, str):
         return mapping
-    if request.session.method != request.method:
+    if request.method not in request.session.methods:
         return f"the model '{request.session.name}' is for method {request.session.method}"
     if frames is None:
         return None

@@ -10,7 +10,7 @@ from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
 from interpose.runtime.session import Session
 
-METHODS = ("dcmoe", "stitch", "interp")
+METHODS = ("dcmoe", "stitch", "stitch+detail", "interp")
 PATHS = ("auto", "straight", "none")
 """What a path may be beside one that is drawn."""
 

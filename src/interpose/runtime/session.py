@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -27,7 +27,7 @@ from interpose.gallery.store import Gallery
 
 INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
 DEFAULT = "default"
-DEFAULTS = {"dcmoe": DEFAULT, "stitch": "stitch"}
+DEFAULTS = {"dcmoe": DEFAULT, "stitch": "stitch", "stitch+detail": "stitch"}
 """The installed model that serves a method where none is named."""
 FORMAT = 1
 """Version of the folder's layout."""
@@ -40,6 +40,8 @@ class Session:
     path: Path
     info: dict[str, Any]
     threads: int = 1
+    refines: bool = False
+    """whether a stitching model's detail transformer is used"""
 
     @property
     def name(self) -> str:
@@ -75,8 +77,20 @@ class Session:
         """The inputs of each network, without the batch axis."""
         styles = len(self.styles)
         if self.method != "stitch":
-            return {"step": state_shapes() | control_shapes(styles)}
-        return stitching.network_shapes(self.info["network"], styles)
+            step = state_shapes() | control_shapes(styles)
+            return {"step": step} | ({"back": step} if "backward" in self.info else {})
+        return stitching.network_shapes(self.info["network"], styles) | (
+            {"detail": stitching.DETAIL_SHAPES} if self.refines else {}
+        )
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods that it serves."""
+        return (self.method, f"{self.method}+detail") if "detail" in self.info else (self.method,)
+
+    def serving(self, method: str) -> Session:
+        """The same model as that method uses it."""
+        return replace(self, refines=method.endswith("+detail"))
 
     @cached_property
     def networks(self) -> dict[str, onnxruntime.InferenceSession]:
@@ -94,7 +108,7 @@ class Session:
         except Exception as error:  # ONNX Runtime raises types of its own for each way in which a file can be bad
             reason = str(error).splitlines()[0]
             raise InputError(f"{file} cannot be loaded ({reason}); export the model again") from None
-        given = {(i.name, tuple(i.shape[1:])) for i in made.get_inputs()}
+        given = {(i.name, tuple(n if isinstance(n, int) else -1 for n in i.shape[1:])) for i in made.get_inputs()}
         if set(shapes.items()) != given:
             names = sorted({each for each, _ in given ^ set(shapes.items())})
             raise InputError(f"{file} takes {names} otherwise than this program; export it again")

@@ -154,9 +154,31 @@ def _of_length(
         bodies = [_body(pose, speed) for pose, speed in zip((first, goal), speeds, strict=True)]
         chains = _chains(session, bodies, base, latent, style, steps)
         hips, turned, contacts = _joined(chains, session, steps)
+        if session.refines:
+            hips, turned, contacts = _refined(session, (first, goal), hips, turned, contacts)
         local = kinematics.local_rotations(rotation.from_6d(turned), PARENTS)
     signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
     return (hips, rotation.continuous(signed).swapaxes(0, 1)[:, 1:], contacts), _apart(chains, steps)
+
+
+def _refined(
+    session: Session,
+    keys: tuple[Pose, Pose],
+    hips: Float[ndarray, "batch frame 3"],
+    turned: Float[ndarray, "batch frame 22 6"],
+    contacts: Float[ndarray, "batch frame 4"],
+) -> Made:
+    """What the detail transformer makes of a motion (`interpose.models.detail_transformer`); rotations as 6-D."""
+    start, target = keys
+    whole = {
+        "hips": np.concatenate([start.hips[:, None], hips, target.hips[:, None]], axis=1),
+        "rotations": np.concatenate([start.rotations[:, None], turned, target.rotations[:, None]], axis=1),
+        "contacts": np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"),
+    }
+    said = session.run("detail", {name: value.astype(np.float32) for name, value in whole.items()})
+    made = (said[f"refined_{name}"][:, 1:-1].astype(float) for name in whole)
+    hips, turned, contacts = made
+    return hips, turned, contacts
 
 
 def _apart(chains: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]], steps: int) -> Float[ndarray, "batch"]:

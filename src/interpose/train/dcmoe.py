@@ -25,7 +25,7 @@ from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
-from interpose.train.frames import Frames, joined, load_frames
+from interpose.train.frames import Frames, backwards, joined, load_frames
 from interpose.train.sequences import (
     PLAIN,
     Keys,
@@ -78,6 +78,8 @@ class Config:
     databases: tuple[str, ...] = ()
     styles: tuple[str, ...] = ()
     phases: bool = False
+    backward: bool = False
+    """on motion that runs backwards, for stitching from both ends"""
     licence: str = ""
 
 
@@ -137,12 +139,14 @@ def train(
     seed: int = 0,
     stages: tuple[Stage, ...] | None = None,
     foreign_keys: float | None = None,
+    backward: bool = False,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
 
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
-    upper body, which makes the style label matter (`interpose.train.sequences.poses`). Raises InputError for an unknown
+    upper body, which makes the style label matter (`interpose.train.sequences.poses`). backward: on motion that runs
+    backwards, for stitching from both ends (`interpose.runtime.dual`). Raises InputError for an unknown
     preset, databases that do not load or are too short, phases that do not fit, a share that is none, and a run folder
     of another config.
     """
@@ -163,6 +167,7 @@ def train(
         databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
         styles=tuple(sorted({s for d in loaded for s in d.styles})),
         phases=phases is not None,
+        backward=backward,
         licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
     )
     for of in loaded:
@@ -175,6 +180,8 @@ def train(
         )
         for i in (0, 1)
     )
+    if backward:
+        training, held_out = backwards(training), backwards(held_out)
     return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)
 
 

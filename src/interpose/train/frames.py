@@ -41,6 +41,14 @@ class Frames:
         return Frames(**{f.name: getattr(self, f.name).to(device) for f in fields(self)})
 
 
+def backwards(data: Frames) -> Frames:
+    """The same clips with time running backwards; phases turn the other way."""
+    order = data.first + data.last - torch.arange(len(data), device=data.hips.device)
+    turned = {f.name: getattr(data, f.name)[order] for f in fields(data) if f.name not in ("first", "last")}
+    turned["phases"] = turned["phases"] * turned["phases"].new_tensor([-1.0, 1.0, 1.0])
+    return replace(data, **turned)
+
+
 def load_frames(
     database: Database,
     phases: Float[np.ndarray, "2 frame 10 3"] | None,
