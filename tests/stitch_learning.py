@@ -16,6 +16,7 @@ from learning import STYLES
 from torch import Tensor, nn
 
 from interpose.features import RATE
+from interpose.models.layers import Residual
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, Size, StitchingCVAE
 from interpose.train import checkpoint, gaps, loop
@@ -49,14 +50,18 @@ def loud(model: StitchingCVAE) -> StitchingCVAE:
     """The same model, whose every part is heard: last layers wide awake, gates that choose, biases everywhere."""
     with torch.no_grad():
         for module in model.modules():
-            if isinstance(module, nn.Linear) and module.bias is not None:
-                module.bias.add_(0.3 * torch.randn_like(module.bias))
+            if isinstance(module, nn.Linear):
+                module.weight.mul_(2.0)
+                if module.bias is not None:
+                    module.bias.add_(0.3 * torch.randn_like(module.bias))
+            if isinstance(module, Residual):
+                module.second.weight.normal_(std=0.1)
         for side in (model.front, model.back):
-            side.experts[-1].linear.weight.mul_(8.0)
-            side.gate[-1].weight.mul_(4.0)
+            side.experts[-1].linear.weight.mul_(4.0)
+            side.gate[-1].weight.mul_(2.0)
         if model.plan is not None:
             for network in (model.plan.prior, model.plan.posterior, model.plan.decoder):
-                network[-1].weight.mul_(10.0)
+                network[-1].weight.mul_(5.0)
             model.plan.prior[-1].bias[model.size.latent :] -= 1.0
     return model
 
