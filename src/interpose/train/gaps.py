@@ -73,7 +73,7 @@ def draw(
         wanted = rule.shortest + (uniform(count) ** rule.longer * span).long()
         start = (uniform(count) * len(data)).long()
         start = torch.maximum(torch.minimum(start, data.last[start] - wanted), data.first[start])
-        wanted = torch.minimum(wanted, data.last[start] - start).clamp_min(2)
+        wanted = torch.minimum(wanted, data.last[start] - start).clamp_min(1)
     else:
         able = torch.nonzero(data.last - torch.arange(len(data), device=device) >= steps)[:, 0]
         start = able[(uniform(count) * len(able)).long()]
