@@ -109,9 +109,12 @@ def run(
     generator = torch.Generator(device).manual_seed(config.seed)
     set_statistics(model, data, config, generator)
     if taken is not None:
-        odd = model.load_state_dict(taken, strict=False).unexpected_keys
-        if odd:
-            raise InputError(f"the plan to start from does not fit this one ({odd[0]}); give a run of the same size")
+        own = model.state_dict()
+        odd = [name for name, value in taken.items() if name not in own or own[name].shape != value.shape]
+        if odd or not taken:
+            what = odd[0] if odd else "it has none"
+            raise InputError(f"the plan to start from does not fit this one ({what}); give a run of the same size")
+        model.load_state_dict(taken, strict=False)
     critics = Discriminators().to(device)
     phases = phase_targets(data)
     groups = {"lr": 1e-3, "betas": config.betas, "weight_decay": config.weight_decay}

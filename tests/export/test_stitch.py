@@ -1,0 +1,244 @@
+"""From a run of S-CVAE to a model folder: whole, described, and the same functions as the networks in torch."""
+
+import copy
+import json
+
+import learning
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import stitch_learning
+import torch
+from stitch_learning import drawn, latent, situation
+
+from interpose import export as exporting
+from interpose import stitching
+from interpose.errors import InputError
+from interpose.export import onnx_file
+from interpose.export import stitch as export
+from interpose.models.gap_plan import LONGEST
+from interpose.models.stitching_cvae import Memory
+from interpose.runtime.session import FORMAT
+from interpose.skeleton import HUMANOID
+from interpose.train import gaps
+
+CONFIG, PAPER = stitch_learning.CONFIG, stitch_learning.PAPER
+
+
+@pytest.fixture(scope="module")
+def letter(frames):
+    """The paper's form; not to be changed."""
+    return stitch_learning.network_for(frames, PAPER)
+
+
+def told(folder):
+    return json.loads((folder / "model.json").read_text())
+
+
+def memory(side, count):
+    draws = torch.Generator().manual_seed(5)
+    empty = side.begin(count, torch.zeros(1))
+    return Memory(*(0.5 * torch.randn(x.shape, generator=draws) for x in empty))
+
+
+def compare(file, module, tensors, names):
+    """ONNX against torch, each output by its own range; the weights are in 8 bits."""
+    session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
+    inputs = [i.name for i in session.get_inputs()]
+    assert inputs == list(names)
+    said = session.run(None, {name: x.numpy() for name, x in zip(inputs, tensors, strict=True)})
+    wanted = module(*tensors)
+    outputs = [o.name for o in session.get_outputs()]
+    assert len(said) == len(wanted) == len(outputs)
+    out = {}
+    for name, got, value in zip(outputs, said, wanted, strict=True):
+        assert got.shape == tuple(value.shape), name
+        np.testing.assert_allclose(got, value, atol=0.03 * max(1.0, float(value.abs().max())), err_msg=name)
+        out[name] = got, value.numpy()
+    return out
+
+
+def step_inputs(frames, model, side, count):
+    body, aim = situation(frames, count, form=model.size.form, seed=count)
+    return [*body, *aim, *memory(side, count), *latent(model.size, count)]
+
+
+def test_the_folder_is_whole_and_alone(stitch_folder):
+    assert {p.name for p in stitch_folder.iterdir()} == {"model.json", "plan.onnx", "front.onnx", "back.onnx"}
+    assert {p.name for p in stitch_folder.parent.iterdir()} == {"run", "stitching"}
+
+
+def test_model_json_says_what_the_model_is(stitch_folder, stitch_network):
+    info = told(stitch_folder)
+    assert (info["format"], info["name"], info["method"]) == (FORMAT, "stitching", "stitch")
+    assert (info["preset"], info["steps"], info["rate"]) == ("tiny", 20, 30.0)
+    assert info["styles"] == list(learning.STYLES)
+    assert info["skeleton"]["names"] == list(HUMANOID.names)
+    assert info["course"] == [2, True, True]
+    network = info["network"]
+    assert (network["form"], network["latents"], network["planned"], network["latent"]) == ("yaw", "gap", True, 16)
+    assert (network["memory"], network["decoder_memory"]) == (16, 16)
+    assert network["plan"] == {"latent": 16, "hidden": 32, "depth": 1, "dropout": 0.1, "styles": 2}
+    assert info["limits"] == {"trained_frames_to_target": LONGEST}
+    assert info["training_data"] == ["synthetic 1234"]
+    assert info["licence"] == "MIT; trained on data under CC BY 4.0, which asks for credit"
+    assert info["metrics"] == {"valid/30": 0.9}
+    assert info["parameters"] == sum(p.numel() for p in stitch_network.parameters())
+    assert set(info["difference_from_torch"]) == {"plan", "front", "back"}
+    for apart in info["difference_from_torch"].values():
+        assert apart["as_exported"] < 1e-4
+        assert apart["as_stored"] <= export.TOLERANCE_STORED
+    assert "mean_quaternions" not in info
+
+
+def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
+    info = told(stitch_folder)
+    shapes = stitching.network_shapes(info["network"], len(info["styles"]))
+    assert set(shapes) == {"plan", "front", "back"}
+    for name, wanted in shapes.items():
+        inputs = onnx.load(stitch_folder / f"{name}.onnx").graph.input
+        got = {i.name: tuple(d.dim_value for d in i.type.tensor_type.shape.dim[1:]) for i in inputs}
+        assert got == wanted
+        assert list(got) == list(wanted)
+        assert all(i.type.tensor_type.shape.dim[0].dim_param == "batch" for i in inputs)
+
+
+@pytest.mark.parametrize("batch", [1, 5])
+def test_the_plan_says_what_torch_says(stitch_folder, stitch_network, frames, batch):
+    ends = gaps.ends(frames, drawn(frames, batch, seed=batch))
+    noise = torch.randn(batch, 16, generator=torch.Generator().manual_seed(0))
+    module, names = export.Plan(stitch_network.plan), [*stitching.ends_shapes(2), "noise"]
+    out = compare(stitch_folder / "plan.onnx", module, [*ends, noise], names)
+    x, frame = stitch_network.plan(ends)
+    z = stitch_network.plan.expect(x).at(noise)
+    np.testing.assert_allclose(out["latent"][1], z)
+    np.testing.assert_allclose(out["added"][1], stitch_network.plan.decode(x, frame, z))
+    assert float(np.abs(out["added"][0]).mean()) > 0.01
+
+
+@pytest.mark.parametrize("batch", [1, 5])
+@pytest.mark.parametrize("side", ["front", "back"])
+def test_a_step_says_what_torch_says(stitch_folder, stitch_network, frames, side, batch):
+    generator = getattr(stitch_network, side)
+    tensors = step_inputs(frames, stitch_network, generator, batch)
+    names = stitching.network_shapes(told(stitch_folder)["network"], 2)[side]
+    out = compare(stitch_folder / f"{side}.onnx", export.Step(generator), tensors, names)
+    assert list(out) == [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
+    np.testing.assert_allclose(*out["next_positions"], atol=5e-3)
+    after, kept, _, _ = generator(
+        *situation(frames, batch, seed=batch), memory(generator, batch), latent(CONFIG.size, batch)
+    )
+    np.testing.assert_allclose(out["next_contacts"][1], after.contacts)
+    np.testing.assert_allclose(out["next_decoder_cell"][1], kept.decoder_cell)
+    moved = np.abs(out["next_hips"][0] - tensors[0].numpy()).max()
+    assert moved > 0.005
+
+
+def test_the_last_step_makes_the_aim_in_8_bits_as_well(stitch_folder, stitch_network, frames):
+    tensors = step_inputs(frames, stitch_network, stitch_network.front, 4)
+    names = list(stitching.network_shapes(told(stitch_folder)["network"], 2)["front"])
+    given = dict(zip(names, tensors, strict=True))
+    given |= {"left": torch.ones(4, 1), "base_following": given["base_there"]}
+    session = onnxruntime.InferenceSession(stitch_folder / "front.onnx", providers=["CPUExecutionProvider"])
+    hips, rotations = session.run(["next_hips", "next_rotations"], {k: v.numpy() for k, v in given.items()})
+    np.testing.assert_allclose(hips, given["aim_hips"], atol=1e-6)
+    np.testing.assert_allclose(rotations, given["aim_rotations"], atol=1e-6)
+
+
+def test_the_papers_form_says_what_torch_says(letter, frames, tmp_path):
+    network = {"form": "paper", "memory": 16, "decoder_memory": 16, "latent": 16, "planned": False, "latents": "frame"}
+    shapes = stitching.network_shapes(network, 2)["front"]
+    module = export.Step(letter.front)
+    outputs = [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
+    file = tmp_path / "front.onnx"
+    apart = onnx_file.write(
+        module, file, lambda batch, seed: export.example(shapes, batch, seed), outputs, 1e-4, export.TOLERANCE_STORED
+    )
+    assert apart["as_exported"] < 1e-4
+    for batch in (1, 5):
+        out = compare(file, module, step_inputs(frames, letter, letter.front, batch), shapes)
+        np.testing.assert_allclose(np.linalg.norm(out["next_rotations"][0], axis=-1), 1.0, atol=1e-5)
+    # Both heads look at the state through one encoder, whose weights are stored once.
+    names = [t.name for t in onnx.load(file).graph.initializer]
+    assert len(names) == len(set(names))
+    assert len([n for n in names if n.endswith(".codes")]) == sum(
+        p.numel() >= 4096 for n, p in letter.front.named_parameters() if n.endswith("weight")
+    )
+
+
+def test_the_papers_model_tells_its_signs_and_has_no_plan(letter, tmp_path, monkeypatch):
+    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest: path.write_bytes(b"new") and {})
+    run = stitch_learning.write_run(tmp_path / "run", letter, PAPER)
+    out = exporting.export(run, tmp_path / "letter")
+    assert {p.name for p in out.iterdir()} == {"model.json", "front.onnx", "back.onnx"}
+    info = told(out)
+    np.testing.assert_allclose(info["mean_quaternions"], letter.mean_quaternions, atol=1e-6)
+    assert (info["preset"], info["course"]) == ("paper", [5, True, True])
+    assert info["network"]["form"] == "paper"
+
+
+def test_examples_have_every_input(frames):
+    for form in ("yaw", "paper"):
+        network = {"form": form, "memory": 3, "decoder_memory": 4, "latent": 5, "planned": True, "latents": "gap"}
+        for shapes in stitching.network_shapes(network, 2).values():
+            made = export.example(shapes, 7, 1)
+            assert {k: tuple(v.shape[1:]) for k, v in made.items()} == shapes
+            assert all(torch.equal(made[k], v) for k, v in export.example(shapes, 7, 1).items())
+            assert all(float(made[k].min()) >= 2.0 for k in ("left", "steps") if k in made)
+            assert torch.all(made["style"].sum(dim=1) == 1.0)
+            if form == "paper" and "left" in made:
+                torch.testing.assert_close(made["rotations"].norm(dim=-1), torch.ones(7, 22))
+
+
+def test_an_onnx_file_of_another_network_is_refused(stitch_folder, stitch_network):
+    other = copy.deepcopy(stitch_network)
+    other.front.experts[-1].linear.bias.add_(2.0)
+    shapes = stitching.network_shapes(told(stitch_folder)["network"], 2)["front"]
+    content = (stitch_folder / "front.onnx").read_bytes()
+
+    def inputs(batch, seed):
+        return export.example(shapes, batch, seed)
+
+    apart = onnx_file.check(export.Step(stitch_network.front), content, inputs, export.TOLERANCE_STORED)
+    assert apart <= export.TOLERANCE_STORED
+    with pytest.raises(InputError, match=r"the ONNX model's next_.* differs from torch's by"):
+        onnx_file.check(export.Step(other.front), content, inputs, 0.05)
+
+
+def test_an_export_that_fails_leaves_the_old_model(stitch_network, tmp_path, monkeypatch):
+    run = stitch_learning.write_run(tmp_path / "run", stitch_network)
+    out = tmp_path / "model"
+    out.mkdir()
+    (out / "model.json").write_text("old")
+    (out / "front.onnx").write_bytes(b"old")
+
+    def broken(network, path, *_):
+        path.write_bytes(b"half")
+        if path.name == "plan.onnx":
+            raise InputError("the ONNX model's added differs")
+        return {}
+
+    monkeypatch.setattr(onnx_file, "write", broken)
+    with pytest.raises(InputError, match="differs"):
+        exporting.export(run, out)
+    assert (out / "model.json").read_text() == "old"
+    assert (out / "front.onnx").read_bytes() == b"old"
+    assert {p.name for p in tmp_path.iterdir()} == {"run", "model"}
+    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest: path.write_bytes(b"new") and {})
+    assert exporting.export(run, out, name="Newer") == out
+    assert told(out)["name"] == "Newer"
+    assert {p.name for p in out.iterdir()} == {"model.json", "plan.onnx", "front.onnx", "back.onnx"}
+
+
+def test_runs_that_cannot_be_exported(stitch_network, tmp_path):
+    run = stitch_learning.write_run(tmp_path / "run", stitch_network, PAPER)
+    with pytest.raises(InputError, match="weights are not those of its config"):
+        exporting.export(run, tmp_path / "out")
+    whole = stitch_learning.write_run(tmp_path / "whole", stitch_network)
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="taken is there and is no model folder"):
+        exporting.export(whole, tmp_path / "taken")
+    assert (tmp_path / "taken" / "notes.txt").read_text() == "mine"
+    assert not (tmp_path / "out").exists()
