@@ -119,6 +119,17 @@ def test_what_the_network_says_is_added_in_the_chains_own_frame(yaw):
     assert float((loud.rotations - plain.rotations).abs().mean()) > 0.05
 
 
+def test_what_the_network_adds_fades_before_the_aim(yaw):
+    body, aim = yaw
+    out = torch.zeros(BATCH, YAW.output).double()
+    out[:, 1] = 1.0
+    for left, part in ((1.0, 0.0), (2.0, 1 / 3), (3.0, 2 / 3), (4.0, 1.0), (50.0, 1.0)):
+        led = aim._replace(left=torch.full((BATCH, 1), left).double())
+        features = YAW.features(body, led)
+        plain, loud = (YAW.advance(body, led, features, x)[0].hips for x in (0.0 * out, out))
+        np.testing.assert_allclose((loud - plain)[:, 1], 0.02 * part, atol=1e-12)
+
+
 def test_a_silent_chain_on_the_base_stays_on_it(yaw):
     body, aim = yaw
     on_base = [(p[:, :3], p[:, 3:].unflatten(1, (22, 6))) for p in (aim.here, aim.there)]

@@ -77,7 +77,7 @@ def test_every_part_learns(losses, tmp_path):
         SHORT,
         phases=Part(40, 32, 3e-3),
         plan=Part(60, 32, 3e-3),
-        stitch=Part(40, 16, 5e-3),
+        stitch=Part(25, 16, 5e-3),
         shortest=9,
         longest=9,
         weights=replace(TINY.weights, adversarial=0.0, energy=0.0, foot=0.0, skate=0.0),
