@@ -72,14 +72,14 @@ def test_tiny_trains_and_tells(database, losses, tmp_path):
 
 
 def test_every_part_learns(losses, tmp_path):
-    few = learning.write_database(tmp_path / "few", lengths=(12, 12))
+    few = learning.write_database(tmp_path / "few", lengths=(14, 14))
     config = replace(
         SHORT,
         phases=Part(40, 32, 3e-3),
         plan=Part(60, 32, 3e-3),
-        stitch=Part(25, 16, 5e-3),
-        shortest=9,
-        longest=9,
+        stitch=Part(40, 16, 1e-2),
+        shortest=12,
+        longest=12,
         weights=replace(TINY.weights, adversarial=0.0, energy=0.0, foot=0.0, skate=0.0),
         posterior=1.0,
         average_way=0.0,
