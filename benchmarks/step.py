@@ -29,7 +29,7 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.features import control_shapes, state_shapes
 from interpose.motion import Motion
-from interpose.runtime import feet, guidance, inbetween, inertia, rollout, transition
+from interpose.runtime import feet, guidance, inbetween, inertia, methods, transition
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
 from interpose.skeleton import HUMANOID
@@ -108,8 +108,8 @@ def parts_timed() -> Iterator[dict[str, float]]:
         return call
 
     watched = [
-        ("network", Session, "step"),
-        ("base, states and rotations", rollout, "generate_batch"),
+        ("network", Session, "run"),
+        ("base, states and rotations", methods, "generate_batch"),
         ("feet", feet, "plant_batch"),
         ("velocities at the keys", inertia, "leave"),
         ("velocities at the keys", inertia, "arrive"),
@@ -138,17 +138,17 @@ def step_rows(session: Session, repeats: int) -> None:
         print(f"{session.name:24} {batch:>10} {taken.min():>10.3f} {np.median(taken):>10.3f}")
 
 
-def gap_rows(session: Session, rate: float, repeats: int) -> None:
+def gap_rows(session: Session, rate: float, repeats: int, frames: int = FRAMES) -> None:
     """Prints the cost of a gap and the share of its parts, at the user's ``rate``."""
-    clip = replace(walk(FRAMES + 20), rate=rate)
+    clip = replace(walk(frames + 20), rate=rate)
     mapping = inbetween.mapping_of(clip)
-    request = Request(session=session, seed=SEED, gallery=session.gallery or load().gallery)
+    request = Request(session.method, session, seed=SEED, gallery=session.gallery or load().gallery)
 
     def gap() -> object:
-        return inbetween.inbetween(clip[:10], clip[FRAMES + 10 :], FRAMES, request, variants=VARIANTS, mapping=mapping)
+        return inbetween.inbetween(clip[:10], clip[frames + 10 :], frames, request, variants=VARIANTS, mapping=mapping)
 
     taken = 1e3 * seconds(gap, repeats)
-    print(f"\n{session.name}, {FRAMES} frames at {rate:g} Hz x {VARIANTS} candidates, ms")
+    print(f"\n{session.name}, {frames} frames at {rate:g} Hz x {VARIANTS} candidates, ms")
     print(f"{'whole gap':28} {taken.min():>10.1f} {np.median(taken):>10.1f}")
     with parts_timed() as spent:
         for _ in range(repeats):

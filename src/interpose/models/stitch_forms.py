@@ -9,9 +9,10 @@ velocities, and the offset a frame; the network says what is added to where the 
 poses on interpolation's) at the current frame c, at the next one and at the aim, k the frames to the aim, and D what a
 pose differs by from its base,
 
-    next = A(c+1) + D(c) + (D(aim) - D(c)) / k + [k > 1] net.
+    next = A(c+1) + D(c) + (D(aim) - D(c)) / k + min(1, (k-1) / 3) net.
 
-The last step to an aim makes exactly the aim, so that the chains meet and keys stay keys.
+The last step to an aim makes exactly the aim, so that the chains meet and keys stay keys; what the network adds fades
+before it, so that they meet without a jolt.
 """
 
 from __future__ import annotations
@@ -150,9 +151,9 @@ class Yaw:
     def advance(
         self, body: Body, aim: Aim, features: Features, out: Float[Tensor, "batch out"]
     ) -> tuple[Body, Float[Tensor, "batch 4"]]:
-        """Where the base leads, and what the network adds before the last step to the aim."""
+        """Where the base leads, and what the network adds, which fades before the aim."""
         batch = body.hips.shape[0]
-        moving = (aim.left > 1.5).to(out.dtype)
+        moving = ((aim.left - 1.0) / 3.0).clamp(0.0, 1.0)
         added = (out[:, :-4].reshape(batch, -1, 3) @ features.frame.transpose(-1, -2)).flatten(1) * moving
         hips = features.led[:, :3] + HIPS_SCALE * added[:, :3]
         matrices = to_matrix((features.led[:, 3:] + ROTATION_SCALE * added[:, 3:]).reshape(batch, JOINTS, 6))

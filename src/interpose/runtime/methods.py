@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.runtime import rollout, stitched
+from interpose.runtime import dual, rollout, stitched
 from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
 
@@ -32,4 +32,6 @@ def generate_batch(
     keys = start_root, start_local, target_root, target_local
     if session.method == "stitch":
         return stitched.generate_batch(session, *keys, frames, style, seed, vary, paths, control, arriving)
+    if "back" in session.shapes:
+        return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving)
     return rollout.generate_batch(session, *keys, frames, style, seed, vary, paths, control)

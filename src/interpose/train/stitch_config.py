@@ -117,7 +117,7 @@ is the paper's recipe unchanged."""
 
 
 def ablations(config: Config) -> dict[str, Config]:
-    """The seven of table 6, by its names, and what the paper's own latent does in our recipe.
+    """The seven of table 6, by its names, the paper's own latent in our recipe, no plan, and the paper's letter.
 
     Our one latent a gap has nothing to interpolate, so latent interpolation is taken away from latents a frame.
     """
@@ -137,7 +137,23 @@ def ablations(config: Config) -> dict[str, Config]:
         "z a frame": frame,
         "z a frame, w/o LI": replace(frame, size=replace(frame.size, interpolated=False)),
         "w/o plan": sized(planned=False),
+        "as printed": _printed(config),
     }
+
+
+def _printed(config: Config) -> Config:
+    """The paper's letter at another config's size and budget."""
+    size = replace(config.size, form=LETTER.form, latents=LETTER.latents, planned=LETTER.planned)
+    return replace(
+        PRESETS["paper"],
+        preset=config.preset,
+        size=size,
+        phases=config.phases,
+        stitch=config.stitch,
+        average=config.average,
+        warmup=config.warmup,
+        half=config.half,
+    )
 
 
 def size_of(told: Mapping[str, Any]) -> Size:

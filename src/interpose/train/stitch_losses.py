@@ -12,8 +12,13 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
+from interpose.data.contacts import SLIDE_HEIGHT
 from interpose.train.gaps import FEET, Motion
 from interpose.train.stitch_rollout import Chain, Stitched
+
+TOES = [FEET[1], FEET[3]]
+SPAN = 6
+"""Frames over which jerk is compared."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +28,8 @@ class Weights:
     position: float = 3.0
     rotation: float = 1.0
     displacement: float = 10.0
-    foot: float = 2.0
+    foot: float = 8.0
+    skate: float = 20.0
     contact: float = 0.15
     stitch: float = 1.5
     energy: float = 0.25
@@ -39,6 +45,7 @@ PAPER = Weights(
     rotation=1.0,
     displacement=0.0,
     foot=0.0,
+    skate=0.0,
     contact=0.1,
     stitch=0.5,
     energy=0.0,
@@ -57,8 +64,8 @@ def chains(
 
     position, rotation, contact, root: L1 (binary cross-entropy for contacts) over the frames that the generators made
     (equations 5 and 7). displacement: L1 of the joints' steps in the stitched motion. foot: the way of feet that truly
-    stand. stitch: L1 between the chains in the frames that both made (equation 4). energy: how far the joints' mean
-    jerk is from the truth's, as a ratio's logarithm.
+    stand. skate: see :func:`skate`. stitch: L1 between the chains in the frames that both made (equation 4). energy:
+    how far the joints' mean jerk is from the truth's, as a ratio's logarithm, in every few frames by itself.
     """
     both = [made.front] if made.back is None else [made.front, made.back]
     weight = known / known.mean().clamp_min(1e-6)
@@ -85,6 +92,7 @@ def chains(
         ),
         "displacement": rows((step - true_step).abs()),
         "foot": rows(stands[..., None] * step[:, :, FEET].abs()),
+        "skate": skate(made.positions),
         "energy": _energy(made.positions, true.positions),
     }
     if made.back is not None and shared:
@@ -101,10 +109,27 @@ def _root(both: list[Chain], true: Motion, rows) -> Float[Tensor, ""]:
     return rows(torch.cat(parts, dim=1))
 
 
+def skate(positions: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, ""]:
+    """The way of the toes a frame while they are low, metres: the foot slide of the tables as a loss, 2 - 2^(h/H) the
+    weight of a toe at height h."""
+    toes = positions[:, :, TOES]
+    weight = 2.0 - torch.exp2((toes[:, 1:, :, 1] / SLIDE_HEIGHT).clamp(0.0, 1.0))
+    return (weight * _length(toes.diff(dim=1))).mean()
+
+
+def _length(x: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+    """The norm, with a gradient at nil."""
+    return (x.square().sum(dim=-1) + 1e-10).sqrt()
+
+
 def _energy(made: Float[Tensor, "row frame 22 3"], true: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, ""]:
-    """| log of the joints' mean jerk over the truth's |, each joint of each gap by itself; below .3 mm a frame^3 the
-    truth counts as still."""
+    """| log of the joints' mean jerk over the truth's |, in every :data:`SPAN` frames of each joint by itself, so that
+    it cannot be made up for elsewhere; below 1 mm a frame^3 the truth counts as still."""
     if made.shape[1] < 5:
         return made.new_zeros(())
-    here, there = (x.diff(n=3, dim=1).norm(dim=-1).mean(dim=1) + 3e-4 for x in (made, true))
+    span = min(SPAN, made.shape[1] - 3)
+    here, there = (
+        F.avg_pool1d(_length(x.diff(n=3, dim=1)).flatten(2).transpose(1, 2), span, max(1, span // 2)) + 1e-3
+        for x in (made, true)
+    )
     return (here / there).log().abs().mean()

@@ -131,8 +131,9 @@ def stitch_loss(
         each["adversarial"] = discriminator.generator_loss(critics, shown)
         each["critics"] = lost.detach()
     weights = config.weights
-    names = ("position", "rotation", "displacement", "foot", "contact", "stitch", "energy", "root", "divergence")
-    total = sum(getattr(weights, name) * each[name] for name in names if name in each)
+    total = sum(
+        getattr(weights, name) * value for name, value in each.items() if name not in ("adversarial", "critics")
+    )
     total = total + strength * each.get("adversarial", torch.zeros((), device=device))
     return torch.as_tensor(total), each
 
