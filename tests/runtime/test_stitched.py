@@ -1,0 +1,213 @@
+"""Stitched gaps at run time: against the training's own roll-out, by seed, along paths, in any place."""
+
+import json
+import shutil
+from dataclasses import asdict
+
+import learning
+import numpy as np
+import pytest
+import stitch_learning
+import torch
+
+from interpose import rotation
+from interpose.errors import InputError
+from interpose.export import stitch as exporting
+from interpose.models.geometry import root_frame
+from interpose.runtime import methods, rollout, stitched
+from interpose.runtime.inbetween import inbetween
+from interpose.runtime.request import Request
+from interpose.runtime.session import Session, load
+from interpose.stitching import network_shapes, seam
+from interpose.train import gaps, stitch_gaps
+from interpose.train.frames import Frames
+
+STYLES = list(learning.STYLES)
+
+
+@pytest.fixture(scope="module")
+def session(stitch_folder):
+    return load(stitch_folder)
+
+
+@pytest.fixture(scope="module")
+def keys():
+    """Starts and targets of three gaps: root and local rotations of one frame, and of the target."""
+    clips = [learning.march(80, 0.8 + 0.3 * i, 2.0 * i) for i in range(3)]
+    start = [np.stack([getattr(c, x)[11:12] for c in clips]) for x in ("root_positions", "local_rotations")]
+    target = [np.stack([getattr(c, x)[60] for c in clips]) for x in ("root_positions", "local_rotations")]
+    return *start, *target
+
+
+def joints(root, local):
+    return rollout.pose_of(root, local).positions
+
+
+def in_torch(monkeypatch, model):
+    """Sessions answer by the torch modules themselves, exactly."""
+    modules = {"front": exporting.Step(model.front), "back": exporting.Step(model.back)}
+    if model.plan is not None:
+        modules["plan"] = exporting.Plan(model.plan)
+
+    def run(self, name, feed):
+        order = list(self.shapes[name])
+        assert set(order) == set(feed)
+        with torch.no_grad():
+            said = modules[name].eval()(*(torch.as_tensor(feed[n]) for n in order))
+        outputs = ["added", "latent"] if name == "plan" else [f"next_{n}" for n in (*exporting.MADE, *order[14:18])]
+        assert len(said) == len(outputs)
+        return {n: x.numpy() for n, x in zip(outputs, said, strict=True)}
+
+    monkeypatch.setattr(Session, "run", run)
+
+
+@pytest.mark.parametrize("config", [stitch_learning.CONFIG, stitch_learning.PAPER], ids=["yaw", "paper"])
+@pytest.mark.parametrize("steps", [5, 8])
+def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp_path, config, steps):
+    model = stitch_learning.network_for(frames, config)
+    info = {
+        "name": "x",
+        "method": "stitch",
+        "styles": STYLES,
+        "network": json.loads(json.dumps(asdict(config.size))),
+        "course": [config.course.buffer, config.course.aligned, config.course.both],
+        "mean_quaternions": model.mean_quaternions.tolist(),
+    }
+    in_torch(monkeypatch, model)
+    drawn = gaps.evenly(frames, steps, 3, len(STYLES))
+    made, _, _ = stitch_gaps.made_gaps(model, frames, drawn, config, torch.Generator().manual_seed(0))
+    at = [drawn.start.numpy(), drawn.target.numpy()]
+    root = [frames.hips.numpy()[i].astype(float) for i in at]
+    local = [frames.local.numpy()[i].astype(float) for i in at]
+    got = stitched.generate_batch(
+        Session(tmp_path, info), root[0][:, None], local[0][:, None], root[1], local[1], steps - 1
+    )
+    alone = [i for i in range(1, steps) if i not in seam(steps, config.course.buffer).overlap]
+    wanted = made.positions[:, alone]
+    said = torch.as_tensor(joints(got[0], got[1])[:, [i - 1 for i in alone]], dtype=torch.float32)
+    if config is stitch_learning.PAPER:  # its training works in the start's frame
+        frame = root_frame(frames.facing[drawn.start])[:, None]
+        origin = frames.hips[drawn.start] * torch.tensor([1.0, 0.0, 1.0])
+        said = (said - origin[:, None, None]) @ frame
+    torch.testing.assert_close(said, wanted, atol=2e-3, rtol=0.0)
+
+
+def test_a_seed_gives_the_same_motion_whatever_stands_beside(session, keys):
+    a = stitched.generate_batch(session, *keys, 9, seed=5, vary=True)
+    b = stitched.generate_batch(session, *keys, 9, seed=5, vary=True)
+    np.testing.assert_array_equal(a[0], b[0])
+    fewer = stitched.generate_batch(session, *(k[:2] for k in keys), 9, seed=5, vary=True)
+    np.testing.assert_allclose(fewer[0], a[0][:2], atol=2e-3)
+    other = stitched.generate_batch(session, *keys, 9, seed=6, vary=True)
+    assert np.abs(other[0] - a[0]).max() > 1e-3
+
+
+def test_the_first_of_seed_0_is_the_likeliest_and_the_others_vary(session, keys):
+    same = [np.repeat(k[:1], 3, axis=0) for k in keys]
+    likeliest = stitched.generate_batch(session, *same, 9)[0]
+    varied = stitched.generate_batch(session, *same, 9, vary=True)[0]
+    np.testing.assert_allclose(varied[0], likeliest[0], atol=2e-3)
+    assert np.abs(varied[1] - varied[2]).max() > 1e-3
+    np.testing.assert_allclose(likeliest[1], likeliest[0], atol=2e-3)
+
+
+def test_rows_of_different_lengths_are_followed_by_their_targets(session, keys):
+    root, local, contacts = stitched.generate_batch(session, *keys, [9, 4, 0])
+    alone = stitched.generate_batch(session, *(k[1:2] for k in keys), 4)
+    assert root.shape == (3, 9, 3)
+    assert local.shape == (3, 9, 22, 4)
+    assert contacts.shape == (3, 9, 4)
+    np.testing.assert_allclose(root[1, :4], alone[0][0], atol=2e-3)
+    np.testing.assert_array_equal(root[1, 4:], np.repeat(keys[2][1:2], 5, axis=0))
+    np.testing.assert_array_equal(root[2], np.repeat(keys[2][2:3], 9, axis=0))
+    assert np.all((contacts >= 0.0) & (contacts <= 1.0))
+
+
+def test_a_gap_elsewhere_is_the_same_gap(session, keys):
+    root, local, goal_root, goal_local = keys
+    turn = rotation.from_rotation_vector(np.array([0.0, 1.3, 0.0]))
+    moved = np.array([4.0, 0.0, -2.0])
+    turned = [local.copy(), goal_local.copy()]
+    for each in turned:
+        each[..., 0, :] = rotation.multiply(turn, each[..., 0, :])
+    there = rotation.rotate(turn, root) + moved, turned[0], rotation.rotate(turn, goal_root) + moved, turned[1]
+    here = stitched.generate_batch(session, *keys, 9)
+    elsewhere = stitched.generate_batch(session, *there, 9)
+    np.testing.assert_allclose(elsewhere[0], rotation.rotate(turn, here[0]) + moved, atol=5e-3)
+
+
+def test_known_velocities_matter_at_both_ends(session, keys):
+    root, local, *goal = keys
+    plain = stitched.generate_batch(session, *keys, 9)[0]
+    before = root - np.array([0.0, 0.0, 0.05])
+    context = np.concatenate([before, root], axis=1), np.concatenate([local, local], axis=1)
+    assert np.abs(stitched.generate_batch(session, *context, *goal, 9)[0] - plain).max() > 1e-4
+    arriving = np.zeros((3, 22, 3))
+    arriving[..., 2] = 2.0
+    assert np.abs(stitched.generate_batch(session, *keys, 9, arriving=arriving)[0] - plain).max() > 1e-4
+
+
+def test_the_root_keeps_to_a_path(session, keys):
+    steps = 20
+    line = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    paths = []
+    for a, b in zip(keys[0][:, 0], keys[2], strict=True):
+        way = a[[0, 2]] + line * (b - a)[[0, 2]] + np.sin(np.pi * line) * np.array([0.6, 0.0])
+        paths.append(np.concatenate([way, np.zeros((steps + 1, 1))], axis=1))
+    led = stitched.generate_batch(session, *keys, steps - 1, paths=paths)[0]
+    free = stitched.generate_batch(session, *keys, steps - 1)[0]
+    away = [np.mean([rollout.strayed(x, p) for x, p in zip(made, paths, strict=True)]) for made in (led, free)]
+    assert away[0] < 0.5 * away[1]
+    none = stitched.generate_batch(session, *keys, steps - 1, paths=paths, control=0.0)[0]
+    np.testing.assert_allclose(none, free, atol=2e-3)
+
+
+def test_chains_that_meet_are_told_of(session, keys):
+    _, apart = stitched.stitch(session, *keys, [7, 7, 0])
+    assert np.all(apart[:2] < 1e-5)
+    assert np.isnan(apart[2])
+
+
+def test_transitions_on_a_rig_arrive_and_are_told_of(session):
+    clip = learning.march(40, 1.0, 0.3)
+    request = Request("stitch", session, seed=1, path="none")
+    made = inbetween(clip[5], clip[30], 24, request, variants=3)
+    assert len(made) == 3
+    for one in made:
+        assert one.info.method == "stitch"
+        assert one.info.fallback is None
+        assert one.info.trajectory == "model"
+        assert one.info.arrival_position_error_m < 1e-6
+        assert len(one.motion) == 24
+    assert Request("stitch", session).session is session
+    fallen = inbetween(clip[5], clip[30], 24, Request("stitch+detail", session), variants=1)[0]
+    assert "is for method stitch" in (fallen.info.fallback or "")
+
+
+def test_an_unknown_style_and_a_stream_are_refused(session, keys):
+    with pytest.raises(InputError, match="has no style 'Nobody'"):
+        stitched.generate_batch(session, *keys, 9, style=["Nobody", None, None])
+
+
+def test_files_that_are_not_those_of_the_model(stitch_folder, tmp_path):
+    folder = tmp_path / "model"
+    shutil.copytree(stitch_folder, folder)
+    (folder / "back.onnx").write_bytes(b"no network")
+    with pytest.raises(InputError, match=r"back\.onnx cannot be loaded"):
+        _ = load(folder).networks
+    info = json.loads((folder / "model.json").read_text())
+    del info["course"]
+    (folder / "model.json").write_text(json.dumps(info))
+    with pytest.raises(InputError, match="lacks course"):
+        load(folder)
+
+
+def test_methods_choose_by_the_model(session, keys):
+    chosen = methods.generate_batch(session, *keys, 9, seed=2, vary=True)
+    np.testing.assert_array_equal(chosen[0], stitched.generate_batch(session, *keys, 9, seed=2, vary=True)[0])
+
+
+def test_shapes_are_those_of_the_files(session):
+    shapes = network_shapes(session.info["network"], len(session.styles))
+    for name, network in session.networks.items():
+        assert [i.name for i in network.get_inputs()] == list(shapes[name])
