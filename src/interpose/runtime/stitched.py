@@ -19,7 +19,7 @@ from interpose import skeleton as kinematics
 from interpose.features import RATE
 from interpose.runtime.rollout import PARENTS, Path, Pose, interpolation, pose_of
 from interpose.runtime.session import Session
-from interpose.stitching import ANCHORS, memory_shapes, schedule, shares, spread
+from interpose.stitching import ANCHORS, memory_shapes, schedule, seam, shares, spread
 
 TEMPERATURE = 0.7
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
@@ -295,12 +295,13 @@ def _chains(
     memory = [{name: np.zeros((count, *shape), dtype=np.float32) for name, shape in memories.items()} for _ in keys]
     newest, at = [*keys], [0, steps]
     made: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]] = ([], [])
-    buffer, middle = session.course[0], steps // 2
+    ends = seam(steps, session.course[0], session.course[2])
+    middle, kept = ends.middle, ends.forward - ends.middle
     for number, move in enumerate(schedule(steps, *session.course)):
         side = int(move.backward)
         other = keys[1 - side] if move.to_key else newest[1 - side]
         gone = at[side] if not side else steps - at[side]
-        share = gone / middle if gone < middle else gone / (middle + buffer)
+        share = gone / middle if gone < middle else gone / (middle + kept)
         value = latent if latent.ndim == 2 else latent[:, number]
         feed = newest[side] | memory[side]
         feed |= {f"aim_{name}": other[name] for name in ("hips", "rotations", "positions")}

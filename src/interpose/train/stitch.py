@@ -45,7 +45,7 @@ def train(
     """Trains, or goes on where ``run_dir`` stopped.
 
     data: prepared databases. without: a row of table 6, as :func:`ablations` names it. plan_from: a finished run whose
-    phases and plan are taken as they are, so that the generators alone are trained. config: in place of the preset's.
+    phases and plan are taken, so that the generators alone are trained. config: in place of the preset's.
     Raises InputError for an unknown preset or ablation, databases that do not load or are too short, a run without the
     plan that is asked for, and a run folder of another config.
     """
@@ -77,8 +77,8 @@ def train(
         joined([load_frames(d, None, list(styles), training_ranges(d)[i]) for d in loaded]) for i in (0, 1)
     )
     for frames, what in ((training, "training"), (held_out, "validation")):
-        if int((frames.last - frames.first).max()) < chosen.longest:
-            raise InputError(f"{data[0]}: no clip has {chosen.longest + 1} frames for {what}; prepare longer ones")
+        if int((frames.last - frames.first).max()) < chosen.longest - 1:
+            raise InputError(f"{data[0]}: no clip has {chosen.longest} frames for {what}; prepare longer ones")
     return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes, taken)
 
 

@@ -67,7 +67,8 @@ def roll(
     latents: z for the whole gap, or the noise of each move where the model has latents a frame.
     """
     steps = base.shape[1] - 1
-    middle = steps // 2
+    ends = seam(steps, course.buffer, course.both)
+    middle, kept = ends.middle, ends.forward - ends.middle
     keys = front, back
     newest = [front, back]
     at = [0, steps]
@@ -89,7 +90,7 @@ def roll(
         )
         # Gamma of equation 2: t frames on the way to the middle, then to the end of the buffer.
         gone = at[side] if not side else steps - at[side]
-        share = gone / middle if gone < middle else gone / (middle + course.buffer)
+        share = gone / middle if gone < middle else gone / (middle + kept)
         value = latents if latents.ndim == 2 else latents[:, number]
         latent = Latent(value, base.new_full((batch, 1), min(1.0, share)), style)
         generator = model.back if side else model.front
