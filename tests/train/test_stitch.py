@@ -173,7 +173,7 @@ def test_what_cannot_be_trained(database, tmp_path):
     fails("no ablation 'w/o nothing'; there are ours, w/o BS, w/o SL", without="w/o nothing")
     fails("nowhere", data=tmp_path / "nowhere")
     short = learning.write_database(tmp_path / "short", lengths=(11, 2))
-    fails(r"no clip has 13 frames for training; prepare longer ones", data=short.path)
+    fails(r"no clip has 12 frames for training; prepare longer ones", data=short.path)
     fails("no finished run of 'interpose train stitch' is there", plan_from=tmp_path / "nowhere")
 
 
