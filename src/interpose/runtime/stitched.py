@@ -16,13 +16,17 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose import skeleton as kinematics
-from interpose.features import RATE
+from interpose.features import JOINTS, RATE
 from interpose.runtime.rollout import PARENTS, Path, Pose, interpolation, pose_of
 from interpose.runtime.session import Session
+from interpose.skeleton import MIRROR
 from interpose.stitching import ANCHORS, memory_shapes, schedule, seam, shares, spread
 
-TEMPERATURE = 0.7
+TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
+PRESS = 6
+"""Frames to either side of the seam that are smoothed, less and less."""
+FLIP = np.array([-1.0, 1.0, 1.0])
 STANDING = np.array([0.13, 0.05, 0.13, 0.05])
 """Metres below which a foot joint of a key counts as in contact, as in training (METHOD.md, part F)."""
 FEET = tuple(range(3, 5)) + tuple(range(7, 9))
@@ -134,11 +138,11 @@ def _of_length(
     if "plan" in session.shapes:
         ends = _ends(first, leaving, goal, arriving, steps, style, paths, control)
         one = drawn if network["latents"] == "gap" else np.zeros((len(drawn), network["latent"]))
-        said = session.run("plan", {k: v.astype(np.float32) for k, v in (ends | {"noise": one}).items()})
+        added, z = _planned(session, ends, one)
         if network["planned"]:
-            base = base + np.einsum("ta,bac->btc", spread(steps), said["added"])
+            base = base + np.einsum("ta,bac->btc", spread(steps), added)
         if network["latents"] == "gap":
-            latent = said["latent"]
+            latent = z
     for row, path in enumerate(paths):
         if path is not None:
             base[row, 1:-1, 0] += control * (path[1:-1, 0] - base[row, 1:-1, 0])
@@ -159,6 +163,53 @@ def _of_length(
         local = kinematics.local_rotations(rotation.from_6d(turned), PARENTS)
     signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
     return (hips, rotation.continuous(signed).swapaxes(0, 1)[:, 1:], contacts), _apart(chains, steps)
+
+
+def _planned(
+    session: Session, ends: dict[str, ndarray], noise: Float[ndarray, "batch unit"]
+) -> tuple[Float[ndarray, "batch anchor pose"], Float[ndarray, "batch unit"]]:
+    """What the plan adds to interpolation at the anchors, and its latents.
+
+    The data was mirrored in training, so that the plan of the mirror image is as good as the plan, and their mean is
+    better: what both likeliest plans differ by is halved, in samples as well.
+    """
+    still = np.zeros_like(noise)
+
+    def plan(seen: dict[str, ndarray]) -> dict[str, ndarray]:
+        return session.run("plan", {name: value.astype(np.float32) for name, value in seen.items()})
+
+    said = plan(ends | {"noise": noise})
+    own = plan(ends | {"noise": still})["added"] if noise.any() else said["added"]
+    other = plan({name: _mirrored(name, value) for name, value in ends.items()} | {"noise": still})["added"]
+    hips, turned = other[..., :3], other[..., 3:].reshape(*other.shape[:2], JOINTS, 6)
+    back = [_mirrored("hips", hips), _mirrored("rotations", turned).reshape(*other.shape[:2], -1)]
+    return said["added"] + 0.5 * (np.concatenate(back, axis=-1) - own), said["latent"]
+
+
+def _mirrored(name: str, value: ndarray) -> ndarray:
+    """An input of the plan seen in a mirror at x = 0, left and right exchanged, as `interpose.motion.mirror` does."""
+    kind = name.rpartition("_")[2]
+    if kind == "hips":
+        return value * FLIP
+    if kind in ("positions", "velocities"):
+        return value[..., MIRROR, :] * FLIP
+    if kind == "rotations":
+        return value[..., MIRROR, :] * np.concatenate([-FLIP, FLIP])
+    return value * np.array([-1.0, 1.0, -1.0, 1.0]) if name == "path" else value
+
+
+def _pressed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float[ndarray, "batch frame *channel"]:
+    """Frames with both keys, smoothed where the chains meet: a binomial filter whose share, .6 at most, fades within
+    :data:`PRESS` frames of the middle. Short gaps are left as they are."""
+    if steps < 3 * PRESS:
+        return values
+    smooth = values.copy()
+    around = [values[:, 2 + shift : values.shape[1] - 2 + shift] for shift in (-2, -1, 0, 1, 2)]
+    smooth[:, 2:-2] = sum(w * v for w, v in zip((1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16), around, strict=True))
+    away = np.abs(np.arange(steps + 1) - steps // 2 - 0.5) / PRESS
+    share = 0.6 * np.cos(0.5 * np.pi * np.minimum(away, 1.0)) ** 2
+    share = share.reshape(-1, *[1] * (values.ndim - 2))
+    return values + share * (smooth - values)
 
 
 def _refined(
@@ -334,6 +385,8 @@ def _joined(
             for i, frame in enumerate(chain, start=1):
                 whole[number, :, steps - i if number else i] = frame[name]
         of_back = shares(steps, buffer, both).reshape(-1, *[1] * (first.ndim - 1))
-        out.append(((1.0 - of_back) * whole[0] + of_back * whole[1])[:, 1:-1])
+        mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
+        mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
+        out.append((_pressed(mixed, steps) if both else mixed)[:, 1:-1])
     hips, turned, contacts = out
     return hips, turned, contacts
