@@ -14,10 +14,12 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.export import stitch as exporting
 from interpose.models.geometry import root_frame
+from interpose.motion import mirror
 from interpose.runtime import methods, rollout, stitched
 from interpose.runtime.inbetween import inbetween
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
+from interpose.skeleton import MIRROR
 from interpose.stitching import network_shapes, seam
 from interpose.train import gaps, stitch_gaps
 from interpose.train.frames import Frames
@@ -61,6 +63,12 @@ def in_torch(monkeypatch, model):
     monkeypatch.setattr(Session, "run", run)
 
 
+def plainly(session, ends, noise):
+    """The plan alone, not averaged with its mirror image."""
+    said = session.run("plan", {k: np.asarray(v, dtype=np.float32) for k, v in (ends | {"noise": noise}).items()})
+    return said["added"], said["latent"]
+
+
 @pytest.mark.parametrize("config", [stitch_learning.CONFIG, stitch_learning.PAPER], ids=["yaw", "paper"])
 @pytest.mark.parametrize("steps", [5, 8])
 def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp_path, config, steps):
@@ -74,6 +82,7 @@ def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp
         "mean_quaternions": model.mean_quaternions.tolist(),
     }
     in_torch(monkeypatch, model)
+    monkeypatch.setattr(stitched, "_planned", plainly)
     drawn = gaps.evenly(frames, steps, 3, len(STYLES))
     made, _, _ = stitch_gaps.made_gaps(model, frames, drawn, config, torch.Generator().manual_seed(0))
     at = [drawn.start.numpy(), drawn.target.numpy()]
@@ -90,6 +99,33 @@ def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp
         origin = frames.hips[drawn.start] * torch.tensor([1.0, 0.0, 1.0])
         said = (said - origin[:, None, None]) @ frame
     torch.testing.assert_close(said, wanted, atol=2e-3, rtol=0.0)
+
+
+def test_the_plan_of_a_mirrored_gap_is_the_mirrored_plan(session):
+    clip = learning.march(60, 1.1, 0.4)
+    noise = np.zeros((1, 16))
+    plans = []
+    for one in (clip, mirror(clip)):
+        first, last = (rollout.pose_of(one.root_positions[[i]], one.local_rotations[[i]]) for i in (5, 40))
+        ends = stitched._ends(first, None, last, None, 35, session.style_weights([None]), [None], 1.0)
+        plans.append(stitched._planned(session, ends, noise)[0])
+    hips, turned = plans[0][..., :3], plans[0][..., 3:].reshape(1, 8, 22, 6)
+    np.testing.assert_allclose(plans[1][..., :3], hips * [-1.0, 1.0, 1.0], atol=5e-3)
+    wanted = turned[:, :, MIRROR] * [1.0, -1.0, -1.0, -1.0, 1.0, 1.0]
+    np.testing.assert_allclose(plans[1][..., 3:].reshape(1, 8, 22, 6), wanted, atol=2e-2)
+    assert np.abs(turned).max() > 0.1
+
+
+def test_the_seam_is_pressed_and_nothing_else():
+    time = np.arange(41.0)
+    kinked = np.stack([np.abs(time - 20.0), time])[None].swapaxes(1, 2)
+    pressed = stitched._pressed(kinked, 40)
+    bends = [np.abs(np.diff(x[0, :, 0], n=2)).max() for x in (kinked, pressed)]
+    assert bends[1] < 0.8 * bends[0]
+    np.testing.assert_allclose(pressed[..., 1], kinked[..., 1])  # what has no bend stays
+    np.testing.assert_array_equal(pressed[:, :14], kinked[:, :14])
+    np.testing.assert_array_equal(pressed[:, 28:], kinked[:, 28:])
+    np.testing.assert_array_equal(stitched._pressed(kinked[:, :16], 15), kinked[:, :16])
 
 
 def test_a_seed_gives_the_same_motion_whatever_stands_beside(session, keys):
