@@ -157,7 +157,8 @@ def test_evaluating_what_is_not_there(tmp_path, run):
     [
         (("train", "pae", "--data", "db", "-o", "run"), "torch"),
         (("train", "dcmoe", "--data", "db", "-o", "run"), "torch"),
-        (("export", "run", "-o", "model"), "onnx"),
+        (("train", "stitch", "--data", "db", "-o", "run"), "torch"),
+        (("export", "run", "-o", "model"), "torch"),
     ],
 )
 def test_without_the_extra_for_training(arguments, missing):
@@ -191,14 +192,21 @@ def test_training_is_reached(tmp_path, run, clips):
     )
     fails(
         run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--phases", "p.npy"),
-        "--phases are for dcmoe",
+        "--phases is for dcmoe; pae has no use for it",
     )
     fails(
         run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "0.4"),
-        "--foreign-keys are for dcmoe",
+        "--foreign-keys is for dcmoe; pae has no use for it",
     )
     fails(
         run("train", "dcmoe", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "4"),
         "must be 0 to 1, got 4.0",
     )
+    none = "--data", tmp_path / "none", "-o", tmp_path / "run"
+    fails(run("train", "stitch", *none), "none")
+    fails(run("train", "stitch", *none, "--without", "w/o nothing"), "no ablation 'w/o nothing'")
+    fails(run("train", "dcmoe", *none, "--without", "w/o BS"), "--without is for stitch")
+    fails(run("train", "detail", *none), "give a finished run of 'interpose train stitch' to refine")
+    fails(run("train", "stitch", *none, "--refines", "r"), "--refines is for detail")
+    fails(run("train", "pae", *none, "--backward"), "--backward is for dcmoe")
     fails(run("export", tmp_path / "none", "-o", tmp_path / "model"), "none")

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose import rotation
+from interpose.errors import InputError
 from interpose.evaluate.lafan1 import PAST
 from interpose.motion import Motion
 from interpose.retarget import Mapping, from_humanoid, plan, to_humanoid
@@ -165,10 +166,16 @@ class Drawn:
 
 
 def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int = 0) -> Drawn:
-    """The method of a stitching model on another skeleton, as :func:`from_model`, with samples."""
+    """The method of a stitching model on another skeleton, as :func:`from_model`, with samples.
+
+    A ``name`` that ends in ``+detail`` refines what it makes. Raises InputError where the model cannot.
+    """
     from interpose.runtime import session, stitched
 
     loaded = session.load(model)
+    if name.endswith("+detail") and "stitch+detail" not in loaded.methods:
+        raise InputError(f"the model '{loaded.name}' has no detail transformer; leave out +detail")
+    loaded = loaded.serving(name)
     carrier = Carrier(skeleton, rate, plan(skeleton))
 
     def draw(

@@ -68,9 +68,9 @@ def evaluate_stitch(
     """Runs methods on gaps of which two frames are known; writes ``results.json``, ``.csv``, ``.md`` and figures.
 
     data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``stitch`` or ``dcmoe`` for
-    ``model`` or, without it, for the installed model that was trained on subjects 1 to 4, and ``LABEL=MODEL``. Figure 6
-    (``errors.png``) shows all methods, figure 8 (``samples.png``) the first that draws. Raises InputError for what
-    cannot be served, before anything is written.
+    ``model`` or, without it, for the installed model that was trained on subjects 1 to 4, and ``LABEL=MODEL``; a label
+    that ends in ``+detail`` refines. Figure 6 (``errors.png``) shows all methods, figure 8 (``samples.png``) the first
+    that draws. Raises InputError for what cannot be served, before anything is written.
     """
     if not lengths or min(lengths) < 4 or max(lengths) > lafan1.SCALE_WINDOW:
         raise InputError(f"gaps have 4 to {lafan1.SCALE_WINDOW} frames here, both keys counted, got {list(lengths)}")
