@@ -142,6 +142,7 @@ def test_every_command_line_is_understood(page: Path, monkeypatch: pytest.Monkey
         "cli.develop.export",
         "cli.develop.evaluate",
         "cli.develop.evaluate_gallery",
+        "cli.develop.evaluate_stitch",
         "cli.trajectories.build",
         "cli.trajectories.query",
         "cli.trajectories.plot",

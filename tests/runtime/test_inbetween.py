@@ -216,7 +216,7 @@ def test_a_model_of_another_method_does_not_serve(served):
 @pytest.mark.parametrize(
     ("ask", "said"),
     [
-        (lambda: Request("magic"), "unknown method 'magic'; there are dcmoe, interp"),
+        (lambda: Request("magic"), "unknown method 'magic'; there are dcmoe, stitch, stitch\\+detail, interp"),
         (lambda: Request("dcmoe"), "needs a model"),
         (lambda: Request("dcmoe", stand_in(), "Sad"), "no style 'Sad'; it has Angry, Old"),
         (lambda: Request("interp", None, "Angry"), "interpolation has no styles"),

@@ -34,4 +34,6 @@ def generate_batch(
         return stitched.generate_batch(session, *keys, frames, style, seed, vary, paths, control, arriving)
     if "back" in session.shapes:
         return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving)
-    return rollout.generate_batch(session, *keys, frames, style, seed, vary, paths, control)
+    return rollout.generate_batch(
+        session, *keys, frames, style=style, seed=seed, vary=vary, paths=paths, control=control
+    )
