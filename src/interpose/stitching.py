@@ -20,6 +20,8 @@ from interpose.features import JOINTS
 
 ANCHORS = 8
 """Frames that a plan of the gap has, evenly spaced in time, the keys not counted."""
+PRESS = 6
+"""Frames to either side of the seam that are smoothed, less and less."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,20 @@ def shares(steps: int, buffer: int, both: bool = True) -> Float[ndarray, "frame"
     shared = list(ends.overlap)
     out[shared] = np.arange(1, len(shared) + 1) / (len(shared) + 1)
     return out
+
+
+def pressed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float[ndarray, "batch frame *channel"]:
+    """Frames with both keys, smoothed where the chains meet: a binomial filter whose share, .6 at most, fades within
+    :data:`PRESS` frames of the middle. Short gaps are left as they are."""
+    if steps < 3 * PRESS:
+        return values
+    smooth = values.copy()
+    around = [values[:, 2 + shift : values.shape[1] - 2 + shift] for shift in (-2, -1, 0, 1, 2)]
+    smooth[:, 2:-2] = sum(w * v for w, v in zip((1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16), around, strict=True))
+    away = np.abs(np.arange(steps + 1) - steps // 2 - 0.5) / PRESS
+    share = 0.6 * np.cos(0.5 * np.pi * np.minimum(away, 1.0)) ** 2
+    share = share.reshape(-1, *[1] * (values.ndim - 2))
+    return values + share * (smooth - values)
 
 
 @lru_cache

@@ -20,7 +20,7 @@ from interpose.runtime.inbetween import inbetween
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
 from interpose.skeleton import MIRROR
-from interpose.stitching import network_shapes, seam
+from interpose.stitching import network_shapes, pressed, seam
 from interpose.train import gaps, stitch_gaps
 from interpose.train.frames import Frames
 
@@ -119,13 +119,13 @@ def test_the_plan_of_a_mirrored_gap_is_the_mirrored_plan(session):
 def test_the_seam_is_pressed_and_nothing_else():
     time = np.arange(41.0)
     kinked = np.stack([np.abs(time - 20.0), time])[None].swapaxes(1, 2)
-    pressed = stitched._pressed(kinked, 40)
-    bends = [np.abs(np.diff(x[0, :, 0], n=2)).max() for x in (kinked, pressed)]
+    flat = pressed(kinked, 40)
+    bends = [np.abs(np.diff(x[0, :, 0], n=2)).max() for x in (kinked, flat)]
     assert bends[1] < 0.8 * bends[0]
-    np.testing.assert_allclose(pressed[..., 1], kinked[..., 1])  # what has no bend stays
-    np.testing.assert_array_equal(pressed[:, :14], kinked[:, :14])
-    np.testing.assert_array_equal(pressed[:, 28:], kinked[:, 28:])
-    np.testing.assert_array_equal(stitched._pressed(kinked[:, :16], 15), kinked[:, :16])
+    np.testing.assert_allclose(flat[..., 1], kinked[..., 1])  # what has no bend stays
+    np.testing.assert_array_equal(flat[:, :14], kinked[:, :14])
+    np.testing.assert_array_equal(flat[:, 28:], kinked[:, 28:])
+    np.testing.assert_array_equal(pressed(kinked[:, :16], 15), kinked[:, :16])
 
 
 def test_a_seed_gives_the_same_motion_whatever_stands_beside(session, keys):

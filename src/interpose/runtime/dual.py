@@ -19,7 +19,7 @@ from interpose import skeleton as kinematics
 from interpose.runtime import rollout
 from interpose.runtime.rollout import Path, Pose
 from interpose.runtime.session import Session
-from interpose.stitching import schedule, shares
+from interpose.stitching import pressed, schedule, shares
 
 BUFFER = 2
 """K: the chains share 2K frames."""
@@ -117,7 +117,9 @@ def _of_length(
             for frame, said in chain:
                 whole[number, :, frame] = said[name]
         of_back = shares(steps, BUFFER).reshape(-1, *[1] * len(shape))
-        out.append(((1.0 - of_back) * whole[0] + of_back * whole[1])[:, 1:-1])
+        mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
+        mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
+        out.append(pressed(mixed, steps)[:, 1:-1])
     local = kinematics.local_rotations(rotation.from_6d(out[1]), rollout.PARENTS)
     signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
     return out[0], rotation.continuous(signed).swapaxes(0, 1)[:, 1:], out[2]

@@ -20,12 +20,10 @@ from interpose.features import JOINTS, RATE
 from interpose.runtime.rollout import PARENTS, Path, Pose, interpolation, pose_of
 from interpose.runtime.session import Session
 from interpose.skeleton import MIRROR
-from interpose.stitching import ANCHORS, memory_shapes, schedule, seam, shares, spread
+from interpose.stitching import ANCHORS, memory_shapes, pressed, schedule, seam, shares, spread
 
 TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
-PRESS = 6
-"""Frames to either side of the seam that are smoothed, less and less."""
 FLIP = np.array([-1.0, 1.0, 1.0])
 STANDING = np.array([0.13, 0.05, 0.13, 0.05])
 """Metres below which a foot joint of a key counts as in contact, as in training (METHOD.md, part F)."""
@@ -196,20 +194,6 @@ def _mirrored(name: str, value: ndarray) -> ndarray:
     if kind == "rotations":
         return value[..., MIRROR, :] * np.concatenate([-FLIP, FLIP])
     return value * np.array([-1.0, 1.0, -1.0, 1.0]) if name == "path" else value
-
-
-def _pressed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float[ndarray, "batch frame *channel"]:
-    """Frames with both keys, smoothed where the chains meet: a binomial filter whose share, .6 at most, fades within
-    :data:`PRESS` frames of the middle. Short gaps are left as they are."""
-    if steps < 3 * PRESS:
-        return values
-    smooth = values.copy()
-    around = [values[:, 2 + shift : values.shape[1] - 2 + shift] for shift in (-2, -1, 0, 1, 2)]
-    smooth[:, 2:-2] = sum(w * v for w, v in zip((1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16), around, strict=True))
-    away = np.abs(np.arange(steps + 1) - steps // 2 - 0.5) / PRESS
-    share = 0.6 * np.cos(0.5 * np.pi * np.minimum(away, 1.0)) ** 2
-    share = share.reshape(-1, *[1] * (values.ndim - 2))
-    return values + share * (smooth - values)
 
 
 def _refined(
@@ -387,6 +371,6 @@ def _joined(
         of_back = shares(steps, buffer, both).reshape(-1, *[1] * (first.ndim - 1))
         mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
         mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
-        out.append((_pressed(mixed, steps) if both else mixed)[:, 1:-1])
+        out.append((pressed(mixed, steps) if both else mixed)[:, 1:-1])
     hips, turned, contacts = out
     return hips, turned, contacts
