@@ -7,7 +7,7 @@ from interpose import rotation
 from interpose.evaluate import lafan1
 from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, continued, from_model
 from interpose.motion import Motion
-from interpose.runtime import rollout, session
+from interpose.runtime import methods, session
 from interpose.runtime.interpolate import interpolate
 from interpose.skeleton import HUMANOID
 
@@ -87,7 +87,7 @@ def test_a_model_is_retargeted_on_the_way_in_and_back_on_the_way_out(
         return np.stack([m.root_positions for m in made]), local, np.zeros((len(made), frames, 4))
 
     monkeypatch.setattr(session, "load", lambda name: f"the model in {name}")
-    monkeypatch.setattr(rollout, "generate_batch", stand_in)
+    monkeypatch.setattr(methods, "generate_batch", stand_in)
     windows = lafan1.cut((make_clip(200),))
     method = from_model("mine", "runs/mine", windows.skeleton, 30.0, context_frames=4, style="Angry", seed=7)
     given = windows.root[:, 6:10], windows.local[:, 6:10], windows.root[:, 25], windows.local[:, 25]
