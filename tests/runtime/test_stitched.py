@@ -19,6 +19,7 @@ from interpose.runtime import methods, rollout, stitched
 from interpose.runtime.inbetween import inbetween
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
+from interpose.runtime.stream import Stream
 from interpose.skeleton import MIRROR
 from interpose.stitching import network_shapes, pressed, seam
 from interpose.train import gaps, stitch_gaps
@@ -223,6 +224,8 @@ def test_transitions_on_a_rig_arrive_and_are_told_of(session):
 def test_an_unknown_style_and_a_stream_are_refused(session, keys):
     with pytest.raises(InputError, match="has no style 'Nobody'"):
         stitched.generate_batch(session, *keys, 9, style=["Nobody", None, None])
+    with pytest.raises(InputError, match=r"makes whole gaps \(method stitch\); stream with one for dcmoe"):
+        Stream(session, learning.march(5, 1.0, 0.0))
 
 
 def test_files_that_are_not_those_of_the_model(stitch_folder, tmp_path):

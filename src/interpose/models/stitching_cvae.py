@@ -166,7 +166,7 @@ class Generator(nn.Module):
             remembered, cell = self._remember([seen, self.offset_encoder(offset) + time, there], memory)
             said = None
             if self.size.latents == "frame":
-                said = self._latent(remembered, target, there, memory, latent.share, body, aim)
+                said = self._latent(remembered, there, memory, latent.share, body, aim)
                 z = said.at(latent.value)
                 parts = [z, seen, there]
             else:
@@ -196,7 +196,6 @@ class Generator(nn.Module):
     def _latent(
         self,
         remembered: Tensor,
-        target: Tensor,
         there: Tensor,
         memory: Memory,
         share: Tensor,
@@ -211,7 +210,7 @@ class Generator(nn.Module):
         features = self.form.features(self.form.arrived(body, aim), aim)
         state = self.normalised("state", features.state)
         offset = self.normalised("offset", torch.zeros_like(features.offset))
-        again = [self.state_encoder(state) + 0.0 * there, self.offset_encoder(offset), there]
+        again = [self.state_encoder(state), self.offset_encoder(offset), there]
         arrived, _ = self._remember(again, memory)
         then = normal(self.arrived_head(arrived))
         return Normal(*(a + share * (b - a) for a, b in zip(now, then, strict=True)))

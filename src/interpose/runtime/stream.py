@@ -40,8 +40,12 @@ class Stream:
         mapping: retarget.Mapping | None = None,
     ) -> None:
         """``start``: its last frame is the first pose, those before it are context. ``mapping``: of the rig, where
-        it is known. Raises InputError for a rig that is no humanoid, and for an unknown style.
+        it is known. Raises InputError for a rig that is no humanoid, an unknown style, and a model for whole gaps.
         """
+        if session.method != "dcmoe":
+            raise InputError(
+                f"the model '{session.name}' makes whole gaps (method {session.method}); stream with one for dcmoe"
+            )
         self._session, self._style = session, style
         session.style_weights([style])
         self._mapping = retarget.plan(start) if mapping is None else mapping

@@ -27,7 +27,6 @@ def phase_loss(
     """How well both phase networks foresee the local phases one frame on; of half the frames the phase is unknown or
     blurred, as it is on the way from a lone key."""
     device = data.hips.device
-    paper = model.size.form == "paper"
     total = torch.zeros((), device=device)
     still = torch.tensor([-1.0, 1.0, -1.0, 1.0], device=device)
     for backward, side in ((False, model.front), (True, model.back)):
@@ -43,7 +42,7 @@ def phase_loss(
             true.contacts[:, now],
             torch.zeros(rows, 4, device=device),
         )
-        features = side.form.features(body, _aim(body, true, now, paper))
+        features = side.form.features(body, _aim(body, true, now))
         x = side.normalised("state", features.state)
         turned = still if backward else torch.ones_like(still)
         here, there = phases[drawn.start + now] * turned, phases[drawn.start + after] * turned
@@ -54,11 +53,10 @@ def phase_loss(
     return total, {"phase": total}
 
 
-def _aim(body: Body, true: Motion, at: int, paper: bool) -> Aim:
+def _aim(body: Body, true: Motion, at: int) -> Aim:
     """An aim for features of the state alone."""
     nothing = torch.zeros(len(body.hips), POSE, device=body.hips.device)
     left = torch.ones_like(body.known)
-    del paper
     return Aim(true.hips[:, at], true.rotations[:, at], true.positions[:, at], left, nothing, nothing, nothing)
 
 
