@@ -23,6 +23,9 @@ ANCHORS = 8
 PRESS = 6
 """Frames to either side of the seam that are smoothed, less and less."""
 
+STANDING = (0.13, 0.05, 0.13, 0.05)
+"""Metres below which ankle and toe of a lone key count as in contact (METHOD.md, part F)."""
+
 
 @dataclass(frozen=True)
 class Move:

@@ -5,10 +5,11 @@ import pytest
 
 from interpose import rotation
 from interpose.evaluate import lafan1
-from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, continued, from_model
+from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, from_model
 from interpose.motion import Motion
 from interpose.runtime import methods, session
 from interpose.runtime.interpolate import interpolate
+from interpose.runtime.rollout import continued
 from interpose.skeleton import HUMANOID
 
 from .conftest import MakeClip

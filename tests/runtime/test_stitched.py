@@ -89,7 +89,7 @@ def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp
     at = [drawn.start.numpy(), drawn.target.numpy()]
     root = [frames.hips.numpy()[i].astype(float) for i in at]
     local = [frames.local.numpy()[i].astype(float) for i in at]
-    got = stitched.generate_batch(
+    got = methods.generate_batch(
         Session(tmp_path, info), root[0][:, None], local[0][:, None], root[1], local[1], steps - 1
     )
     alone = [i for i in range(1, steps) if i not in seam(steps, config.course.buffer).overlap]
@@ -130,27 +130,27 @@ def test_the_seam_is_pressed_and_nothing_else():
 
 
 def test_a_seed_gives_the_same_motion_whatever_stands_beside(session, keys):
-    a = stitched.generate_batch(session, *keys, 9, seed=5, vary=True)
-    b = stitched.generate_batch(session, *keys, 9, seed=5, vary=True)
+    a = methods.generate_batch(session, *keys, 9, seed=5, vary=True)
+    b = methods.generate_batch(session, *keys, 9, seed=5, vary=True)
     np.testing.assert_array_equal(a[0], b[0])
-    fewer = stitched.generate_batch(session, *(k[:2] for k in keys), 9, seed=5, vary=True)
+    fewer = methods.generate_batch(session, *(k[:2] for k in keys), 9, seed=5, vary=True)
     np.testing.assert_allclose(fewer[0], a[0][:2], atol=2e-3)
-    other = stitched.generate_batch(session, *keys, 9, seed=6, vary=True)
+    other = methods.generate_batch(session, *keys, 9, seed=6, vary=True)
     assert np.abs(other[0] - a[0]).max() > 1e-3
 
 
 def test_the_first_of_seed_0_is_the_likeliest_and_the_others_vary(session, keys):
     same = [np.repeat(k[:1], 3, axis=0) for k in keys]
-    likeliest = stitched.generate_batch(session, *same, 9)[0]
-    varied = stitched.generate_batch(session, *same, 9, vary=True)[0]
+    likeliest = methods.generate_batch(session, *same, 9)[0]
+    varied = methods.generate_batch(session, *same, 9, vary=True)[0]
     np.testing.assert_allclose(varied[0], likeliest[0], atol=2e-3)
     assert np.abs(varied[1] - varied[2]).max() > 1e-3
     np.testing.assert_allclose(likeliest[1], likeliest[0], atol=2e-3)
 
 
 def test_rows_of_different_lengths_are_followed_by_their_targets(session, keys):
-    root, local, contacts = stitched.generate_batch(session, *keys, [9, 4, 0])
-    alone = stitched.generate_batch(session, *(k[1:2] for k in keys), 4)
+    root, local, contacts = methods.generate_batch(session, *keys, [9, 4, 0])
+    alone = methods.generate_batch(session, *(k[1:2] for k in keys), 4)
     assert root.shape == (3, 9, 3)
     assert local.shape == (3, 9, 22, 4)
     assert contacts.shape == (3, 9, 4)
@@ -168,20 +168,20 @@ def test_a_gap_elsewhere_is_the_same_gap(session, keys):
     for each in turned:
         each[..., 0, :] = rotation.multiply(turn, each[..., 0, :])
     there = rotation.rotate(turn, root) + moved, turned[0], rotation.rotate(turn, goal_root) + moved, turned[1]
-    here = stitched.generate_batch(session, *keys, 9)
-    elsewhere = stitched.generate_batch(session, *there, 9)
+    here = methods.generate_batch(session, *keys, 9)
+    elsewhere = methods.generate_batch(session, *there, 9)
     np.testing.assert_allclose(elsewhere[0], rotation.rotate(turn, here[0]) + moved, atol=5e-3)
 
 
 def test_known_velocities_matter_at_both_ends(session, keys):
     root, local, *goal = keys
-    plain = stitched.generate_batch(session, *keys, 9)[0]
+    plain = methods.generate_batch(session, *keys, 9)[0]
     before = root - np.array([0.0, 0.0, 0.05])
     context = np.concatenate([before, root], axis=1), np.concatenate([local, local], axis=1)
-    assert np.abs(stitched.generate_batch(session, *context, *goal, 9)[0] - plain).max() > 1e-4
+    assert np.abs(methods.generate_batch(session, *context, *goal, 9)[0] - plain).max() > 1e-4
     arriving = np.zeros((3, 22, 3))
     arriving[..., 2] = 2.0
-    assert np.abs(stitched.generate_batch(session, *keys, 9, arriving=arriving)[0] - plain).max() > 1e-4
+    assert np.abs(methods.generate_batch(session, *keys, 9, arriving=arriving)[0] - plain).max() > 1e-4
 
 
 def test_the_root_keeps_to_a_path(session, keys):
@@ -191,11 +191,11 @@ def test_the_root_keeps_to_a_path(session, keys):
     for a, b in zip(keys[0][:, 0], keys[2], strict=True):
         way = a[[0, 2]] + line * (b - a)[[0, 2]] + np.sin(np.pi * line) * np.array([0.6, 0.0])
         paths.append(np.concatenate([way, np.zeros((steps + 1, 1))], axis=1))
-    led = stitched.generate_batch(session, *keys, steps - 1, paths=paths)[0]
-    free = stitched.generate_batch(session, *keys, steps - 1)[0]
+    led = methods.generate_batch(session, *keys, steps - 1, paths=paths)[0]
+    free = methods.generate_batch(session, *keys, steps - 1)[0]
     away = [np.mean([rollout.strayed(x, p) for x, p in zip(made, paths, strict=True)]) for made in (led, free)]
     assert away[0] < 0.5 * away[1]
-    none = stitched.generate_batch(session, *keys, steps - 1, paths=paths, control=0.0)[0]
+    none = methods.generate_batch(session, *keys, steps - 1, paths=paths, control=0.0)[0]
     np.testing.assert_allclose(none, free, atol=2e-3)
 
 
@@ -223,7 +223,7 @@ def test_transitions_on_a_rig_arrive_and_are_told_of(session):
 
 def test_an_unknown_style_and_a_stream_are_refused(session, keys):
     with pytest.raises(InputError, match="has no style 'Nobody'"):
-        stitched.generate_batch(session, *keys, 9, style=["Nobody", None, None])
+        methods.generate_batch(session, *keys, 9, style=["Nobody", None, None])
     with pytest.raises(InputError, match=r"makes whole gaps \(method stitch\); stream with one for dcmoe"):
         Stream(session, learning.march(5, 1.0, 0.0))
 
@@ -243,7 +243,7 @@ def test_files_that_are_not_those_of_the_model(stitch_folder, tmp_path):
 
 def test_methods_choose_by_the_model(session, keys):
     chosen = methods.generate_batch(session, *keys, 9, seed=2, vary=True)
-    np.testing.assert_array_equal(chosen[0], stitched.generate_batch(session, *keys, 9, seed=2, vary=True)[0])
+    np.testing.assert_array_equal(chosen[0], stitched.stitch(session, *keys, 9, seed=2, vary=True)[0][0])
 
 
 def test_shapes_are_those_of_the_files(session):

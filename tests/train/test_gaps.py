@@ -9,13 +9,14 @@ import torch
 from stitch_learning import KNOWN, drawn
 
 from interpose import skeleton
+from interpose.data.contacts import INDICES as FEET
 from interpose.features import RATE
 from interpose.models.geometry import root_frame, to_matrix
 from interpose.runtime import rollout
 from interpose.skeleton import HUMANOID
-from interpose.stitching import ANCHORS
+from interpose.stitching import ANCHORS, STANDING
 from interpose.train import gaps
-from interpose.train.gaps import FEET, STANDING, Sampling
+from interpose.train.gaps import Sampling
 
 STEPS = 18
 

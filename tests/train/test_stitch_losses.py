@@ -7,8 +7,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from interpose.data.contacts import INDICES as FEET
 from interpose.stitching import seam
-from interpose.train.gaps import FEET, Motion
+from interpose.train.gaps import Motion
 from interpose.train.stitch_losses import PAPER, Weights, chains
 from interpose.train.stitch_rollout import Chain, Stitched
 

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose import rotation
 from interpose.errors import InputError
 from interpose.evaluate.lafan1 import PAST
 from interpose.motion import Motion
@@ -124,7 +123,7 @@ def from_model(
     model: an installed model's name, its folder, or None for the default one. Raises InputError where it cannot be
     loaded, or where the skeleton is no humanoid.
     """
-    from interpose.runtime import methods, session
+    from interpose.runtime import methods, rollout, session
 
     loaded = session.load(model)
     carrier = Carrier(skeleton, rate, plan(skeleton))
@@ -142,7 +141,7 @@ def from_model(
             loaded, *start, end[0][:, 0], end[1][:, 0], frames, style=[style] * len(context_root), seed=seed
         )
         root, local = carrier.back(made_root, planted(start, end, made_root, made_local, contacts))
-        return root, continued(context_local[:, -1], local)
+        return root, rollout.continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)
 
@@ -170,7 +169,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
     A ``name`` that ends in ``+detail`` refines what it makes. Raises InputError where the model cannot.
     """
-    from interpose.runtime import session, stitched
+    from interpose.runtime import rollout, session, stitched
 
     loaded = session.load(model)
     if name.endswith("+detail") and "stitch+detail" not in loaded.methods:
@@ -193,7 +192,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
         def finished(root: ndarray, local: ndarray) -> Batch:
             root, local = carrier.back(root, local)
-            return root, continued(context_local[:, -1], local)
+            return root, rollout.continued(context_local[:, -1], local)
 
         motions = [finished(root, planted(start, end, root, local, contacts))]
         for number in range(count):
@@ -218,11 +217,3 @@ def planted(
     whole_root = np.concatenate([start[0][:, -1:], root, end[0][:, :1]], axis=1)
     whole_local = np.concatenate([start[1][:, -1:], local, end[1][:, :1]], axis=1)
     return feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))[:, 1:-1]
-
-
-def continued(
-    start: Float[ndarray, "window joint 4"], local: Float[ndarray, "window frame joint 4"]
-) -> Float[ndarray, "window frame joint 4"]:
-    """``local`` with the signs that go on without a jump from the start key's."""
-    whole = np.concatenate([start[:, None], local], axis=1)
-    return rotation.continuous(whole.swapaxes(0, 1)).swapaxes(0, 1)[:, 1:]

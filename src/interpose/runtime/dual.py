@@ -14,17 +14,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose import rotation
-from interpose import skeleton as kinematics
-from interpose.runtime import rollout
-from interpose.runtime.rollout import Path, Pose
+from interpose.runtime import chains, rollout
+from interpose.runtime.chains import Made
+from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
-from interpose.stitching import pressed, schedule, shares
+from interpose.stitching import schedule
 
 BUFFER = 2
 """K: the chains share 2K frames."""
-
-Made = tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]
 
 
 def generate_batch(
@@ -45,16 +42,11 @@ def generate_batch(
     arriving: the joints' velocities at the target, where they are known.
     """
     count = len(start_root)
-    each = [frames] * count if isinstance(frames, int) else list(frames)
-    longest = max(each, default=0)
-    hips = np.repeat(target_root[:, None], longest, axis=1)
-    local = np.repeat(target_local[:, None], longest, axis=1)
-    contacts = np.zeros((count, longest, 4))
     phases = rollout.initial_phases(session, count, seed, vary)
     styles, ways = style or [None] * count, list(paths or [None] * count)
-    for length in sorted(set(each) - {0}):
-        rows = [row for row, n in enumerate(each) if n == length]
-        made = _of_length(
+
+    def make(rows: list[int], length: int) -> Made:
+        return _of_length(
             session,
             (start_root[rows], start_local[rows]),
             (target_root[rows], target_local[rows]),
@@ -64,8 +56,8 @@ def generate_batch(
             [ways[row] for row in rows],
             None if arriving is None else arriving[rows],
         )
-        hips[rows, :length], local[rows, :length], contacts[rows, :length] = made
-    return hips, local, contacts
+
+    return chains.by_length(frames, target_root, target_local, make)
 
 
 def _of_length(
@@ -90,8 +82,8 @@ def _of_length(
     keys = [states[0], states[1]]
     seen = [rollout.guidance(paths, frames), rollout.guidance([_reversed(path) for path in paths], frames)]
     given = np.array([[float(path is not None)] for path in paths], dtype=np.float32)
-    fixed = rollout.steering(session, _last(goal), style) | {"path_known": given}
-    made: list[list[tuple[int, dict[str, ndarray]]]] = [[], []]
+    fixed = rollout.steering(session, rollout.last(goal), style) | {"path_known": given}
+    made: tuple[list[chains.Frame], list[chains.Frame]] = ([], [])
     at = [0, steps]
     for move in schedule(steps, BUFFER):
         side = int(move.backward)
@@ -107,26 +99,10 @@ def _of_length(
         }
         said = session.run("back" if side else "step", states[side] | control)
         states[side] = rollout.after(said)
-        made[side].append((move.made, states[side] | {"contacts": said["contacts"]}))
+        made[side].append(states[side] | {"contacts": said["contacts"]})
         at[side] = move.made
-    out = []
-    for name in ("hips", "rotations", "contacts"):
-        shape = made[0][0][1][name].shape[1:]
-        whole = np.zeros((2, count, steps + 1, *shape))
-        for number, chain in enumerate(made):
-            for frame, said in chain:
-                whole[number, :, frame] = said[name]
-        of_back = shares(steps, BUFFER).reshape(-1, *[1] * len(shape))
-        mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
-        mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
-        out.append(pressed(mixed, steps)[:, 1:-1])
-    local = kinematics.local_rotations(rotation.from_6d(out[1]), rollout.PARENTS)
-    signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
-    return out[0], rotation.continuous(signed).swapaxes(0, 1)[:, 1:], out[2]
-
-
-def _last(context: Pose) -> Pose:
-    return Pose(context.hips[:, -1], context.rotations[:, -1], context.positions[:, -1], context.facing[:, -1])
+    hips, turned, contacts = chains.joined(made, steps, BUFFER)
+    return hips, rollout.continued(start[1][:, -1], rollout.local_of(turned)), contacts
 
 
 def _reversed(path: Path | None) -> Path | None:

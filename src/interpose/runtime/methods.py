@@ -31,7 +31,7 @@ def generate_batch(
     the method sees them."""
     keys = start_root, start_local, target_root, target_local
     if session.method == "stitch":
-        return stitched.generate_batch(session, *keys, frames, style, seed, vary, paths, control, arriving)
+        return stitched.stitch(session, *keys, frames, style, seed, vary, paths, control, arriving)[0]
     if "back" in session.shapes:
         return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving)
     return rollout.generate_batch(

@@ -154,11 +154,26 @@ def generate_batch(
         contacts.append(said["contacts"])
     if not longest:
         return np.zeros((count, 0, 3)), np.zeros((count, 0, 22, 4)), np.zeros((count, 0, len(CONTACTS)))
-    world = rotation.from_6d(np.stack(six, axis=1).astype(float))
-    local = kinematics.local_rotations(world, PARENTS)
-    signed = np.concatenate([start_local[:, -1:], local], axis=1).swapaxes(0, 1)
-    local = rotation.continuous(signed).swapaxes(0, 1)[:, 1:]
+    local = continued(start_local[:, -1], local_of(np.stack(six, axis=1).astype(float)))
     return np.stack(hips, axis=1).astype(float), local, np.stack(contacts, axis=1).astype(float)
+
+
+def local_of(six: Float[ndarray, "*batch 22 6"]) -> Float[ndarray, "*batch 22 4"]:
+    """Local rotations from global ones as 6-D."""
+    return kinematics.local_rotations(rotation.from_6d(six), PARENTS)
+
+
+def continued(
+    start: Float[ndarray, "batch joint 4"], local: Float[ndarray, "batch frame joint 4"]
+) -> Float[ndarray, "batch frame joint 4"]:
+    """``local`` with the signs that go on without a jump from the start key's."""
+    whole = np.concatenate([start[:, None], local], axis=1)
+    return rotation.continuous(whole.swapaxes(0, 1)).swapaxes(0, 1)[:, 1:]
+
+
+def last(context: Pose) -> Pose:
+    """The last frame of poses (batch, frame, ...)."""
+    return Pose(context.hips[:, -1], context.rotations[:, -1], context.positions[:, -1], context.facing[:, -1])
 
 
 def _bases(

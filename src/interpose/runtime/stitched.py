@@ -15,22 +15,17 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose import rotation
-from interpose import skeleton as kinematics
+from interpose.data.contacts import INDICES
 from interpose.features import JOINTS, RATE
-from interpose.runtime.rollout import PARENTS, Path, Pose, interpolation, pose_of
+from interpose.runtime.chains import Frame, Made, by_length, joined
+from interpose.runtime.rollout import Path, Pose, continued, interpolation, last, local_of, pose_of
 from interpose.runtime.session import Session
 from interpose.skeleton import MIRROR
-from interpose.stitching import ANCHORS, memory_shapes, pressed, schedule, seam, shares, spread
+from interpose.stitching import ANCHORS, STANDING, memory_shapes, schedule, seam, spread
 
 TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
 FLIP = np.array([-1.0, 1.0, 1.0])
-STANDING = np.array([0.13, 0.05, 0.13, 0.05])
-"""Metres below which a foot joint of a key counts as in contact, as in training (METHOD.md, part F)."""
-FEET = tuple(range(3, 5)) + tuple(range(7, 9))
-
-Made = tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]
-"""Hips, local rotations and contact probabilities of the frames between the keys."""
 
 
 def noise(
@@ -50,28 +45,6 @@ def noise(
     return out
 
 
-def generate_batch(
-    session: Session,
-    start_root: Float[ndarray, "batch context 3"],
-    start_local: Float[ndarray, "batch context 22 4"],
-    target_root: Float[ndarray, "batch 3"],
-    target_local: Float[ndarray, "batch 22 4"],
-    frames: int | Sequence[int],
-    style: list[str | None] | None = None,
-    seed: int = 0,
-    vary: bool = False,
-    paths: Sequence[Path | None] | None = None,
-    control: float = 1.0,
-    arriving: Float[ndarray, "batch 22 3"] | None = None,
-) -> Made:
-    """As `interpose.runtime.rollout.generate_batch`, for a model of method stitch.
-
-    arriving: the joints' velocities at the target, where they are known.
-    """
-    keys = start_root, start_local, target_root, target_local
-    return stitch(session, *keys, frames, style, seed, vary, paths, control, arriving)[0]
-
-
 def stitch(
     session: Session,
     start_root: Float[ndarray, "batch context 3"],
@@ -86,30 +59,30 @@ def stitch(
     control: float = 1.0,
     arriving: Float[ndarray, "batch 22 3"] | None = None,
 ) -> tuple[Made, Float[ndarray, "batch"]]:
-    """:func:`generate_batch`, and how far apart the chains' joints are in the middle, metres (MMPE, equation 13); NaN
-    where only one chain comes so far."""
+    """As `interpose.runtime.rollout.generate_batch`, for a model of method stitch; and how far apart the chains' joints
+    are in the middle, metres (MMPE, equation 13), NaN where only one chain comes so far.
+
+    arriving: the joints' velocities at the target, where they are known.
+    """
     count = len(start_root)
-    each = [frames] * count if isinstance(frames, int) else list(frames)
-    longest = max(each, default=0)
-    hips = np.repeat(target_root[:, None], longest, axis=1)
-    local = np.repeat(target_local[:, None], longest, axis=1)
-    contacts, apart = np.zeros((count, longest, 4)), np.full(count, np.nan)
-    for length in sorted(set(each) - {0}):
-        drawn = noise(session, count, seed, vary, len(schedule(length + 1, *session.course)))
-        rows = [row for row, n in enumerate(each) if n == length]
+    apart = np.full(count, np.nan)
+    weights = session.style_weights(style or [None] * count)
+
+    def make(rows: list[int], length: int) -> Made:
         made, apart[rows] = _of_length(
             session,
             (start_root[rows], start_local[rows]),
             (target_root[rows], target_local[rows]),
             length,
-            session.style_weights([(style or [None] * count)[row] for row in rows]),
-            drawn[rows],
+            weights[rows],
+            noise(session, count, seed, vary, len(schedule(length + 1, *session.course)))[rows],
             [None if paths is None else paths[row] for row in rows],
             control,
             None if arriving is None else arriving[rows],
         )
-        hips[rows, :length], local[rows, :length], contacts[rows, :length] = made
-    return (hips, local, contacts), apart
+        return made
+
+    return by_length(frames, target_root, target_local, make), apart
 
 
 def _of_length(
@@ -126,7 +99,7 @@ def _of_length(
     """Gaps of one length."""
     steps, network = frames + 1, session.info["network"]
     context, goal = pose_of(*start), pose_of(*target)
-    first = Pose(context.hips[:, -1], context.rotations[:, -1], context.positions[:, -1], context.facing[:, -1])
+    first = last(context)
     leaving = None
     if context.hips.shape[1] > 1:
         leaving = (context.positions[:, -1] - context.positions[:, -2]) * RATE
@@ -149,18 +122,19 @@ def _of_length(
     if network["form"] == "paper":
         letter = Letter(np.array(session.info["mean_quaternions"]), first)
         bodies = [letter.body(*key, speed) for key, speed in zip(keys, speeds, strict=True)]
-        chains = _chains(session, bodies, base, latent, style, steps)
-        hips, turned, contacts = _joined(chains, session, steps)
+    else:
+        letter = None
+        bodies = [_body(pose, speed) for pose, speed in zip((first, goal), speeds, strict=True)]
+    chains = _chains(session, bodies, base, latent, style, steps)
+    buffer, _, both = session.course
+    hips, turned, contacts = joined(chains, steps, buffer, both)
+    if letter is not None:
         hips, local = letter.back(hips, turned)
     else:
-        bodies = [_body(pose, speed) for pose, speed in zip((first, goal), speeds, strict=True)]
-        chains = _chains(session, bodies, base, latent, style, steps)
-        hips, turned, contacts = _joined(chains, session, steps)
         if session.refines:
             hips, turned, contacts = _refined(session, (first, goal), hips, turned, contacts)
-        local = kinematics.local_rotations(rotation.from_6d(turned), PARENTS)
-    signed = np.concatenate([start[1][:, -1:], local], axis=1).swapaxes(0, 1)
-    return (hips, rotation.continuous(signed).swapaxes(0, 1)[:, 1:], contacts), _apart(chains, steps)
+        local = local_of(turned)
+    return (hips, continued(start[1][:, -1], local), contacts), _apart(chains, steps)
 
 
 def _planned(
@@ -216,7 +190,7 @@ def _refined(
     return hips, turned, contacts
 
 
-def _apart(chains: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]], steps: int) -> Float[ndarray, "batch"]:
+def _apart(chains: tuple[list[Frame], list[Frame]], steps: int) -> Float[ndarray, "batch"]:
     """The mean distance of the chains' joints in the middle frame; NaN where not both have it."""
     middle = steps // 2
     if len(chains[0]) < middle or len(chains[1]) < steps - middle or not middle:
@@ -265,7 +239,7 @@ def _body(pose: Pose, velocities: Float[ndarray, "batch 22 3"] | None) -> dict[s
         "positions": pose.positions,
         "velocities": np.zeros_like(pose.positions) if velocities is None else velocities,
         "known": np.full((count, 1), float(velocities is not None)),
-        "contacts": (pose.positions[:, FEET, 1] < STANDING).astype(float),
+        "contacts": (pose.positions[:, INDICES, 1] < np.array(STANDING)).astype(float),
         "phase": np.zeros((count, 4)),
     }
 
@@ -320,7 +294,7 @@ def _chains(
     latent: Float[ndarray, "batch *unit"],
     style: Float[ndarray, "batch style"],
     steps: int,
-) -> tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]]:
+) -> tuple[list[Frame], list[Frame]]:
     """The frames of both chains, each in the order in which it made them."""
     count = len(base)
     base = base.astype(np.float32)
@@ -329,7 +303,7 @@ def _chains(
     memories = memory_shapes(network["memory"], network["decoder_memory"])
     memory = [{name: np.zeros((count, *shape), dtype=np.float32) for name, shape in memories.items()} for _ in keys]
     newest, at = [*keys], [0, steps]
-    made: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]] = ([], [])
+    made: tuple[list[Frame], list[Frame]] = ([], [])
     ends = seam(steps, session.course[0], session.course[2])
     middle, kept = ends.middle, ends.forward - ends.middle
     for number, move in enumerate(schedule(steps, *session.course)):
@@ -354,23 +328,3 @@ def _chains(
         made[side].append(newest[side])
         at[side] = move.made
     return made
-
-
-def _joined(
-    chains: tuple[list[dict[str, ndarray]], list[dict[str, ndarray]]], session: Session, steps: int
-) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 turn"], Float[ndarray, "batch frame 4"]]:
-    """Both chains as one motion, blended where they overlap; rotations are not yet proper again."""
-    buffer, _, both = session.course
-    out = []
-    for name in ("hips", "rotations", "contacts"):
-        first = chains[0][0][name]
-        whole = np.zeros((2, len(first), steps + 1, *first.shape[1:]))
-        for number, chain in enumerate(chains):
-            for i, frame in enumerate(chain, start=1):
-                whole[number, :, steps - i if number else i] = frame[name]
-        of_back = shares(steps, buffer, both).reshape(-1, *[1] * (first.ndim - 1))
-        mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
-        mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
-        out.append((pressed(mixed, steps) if both else mixed)[:, 1:-1])
-    hips, turned, contacts = out
-    return hips, turned, contacts

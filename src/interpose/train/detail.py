@@ -16,16 +16,17 @@ import torch
 from torch import Tensor
 
 from interpose.data import database
+from interpose.data.contacts import INDICES
 from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.models.detail_transformer import DetailSize, DetailTransformer, refined_loss
 from interpose.models.geometry import joint_positions, to_matrix
 from interpose.models.stitching_cvae import StitchingCVAE
-from interpose.stitching import shares
 from interpose.train import checkpoint, gaps, loop, stitch, stitch_config, stitch_gaps
 from interpose.train.frames import Frames, joined, load_frames
 from interpose.train.stitch_config import Config as Recipe
 from interpose.train.stitch_rollout import Stitched
+from interpose.train.stitch_rollout import joined as joined_chains
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def run(
         steps = int(torch.randint(recipe.shortest - 1, recipe.longest, (1,), generator=generator, device=device))
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
             made, true = transitions(rough, data, recipe, steps, config.rows, generator)
-            total, each = refined_loss(model(*made), true, gaps.FEET)
+            total, each = refined_loss(model(*made), true, INDICES)
         optimizer.zero_grad(set_to_none=True)
         total.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
@@ -172,19 +173,16 @@ def transitions(
 
 def whole(made: Stitched, recipe: Recipe, steps: int) -> Transition:
     """Both chains as one, as the run time joins them: hips, 6-D and contact probabilities of the frames between."""
-    course = recipe.course
-    share = torch.as_tensor(shares(steps, course.buffer, course.both)[1:-1], dtype=torch.float32)
-    share = share.to(made.positions.device)
-    out = []
-    for name in ("hips", "rotations", "contacts"):
-        front = getattr(made.front, name)
-        both = front.new_zeros(2, len(front), steps - 1, *front.shape[2:])
-        both[0][:, made.front.frames - 1] = front
-        if made.back is not None:
-            both[1][:, made.back.frames - 1] = getattr(made.back, name)
-        weight = share.reshape(-1, *[1] * (front.ndim - 2))
-        out.append((1.0 - weight) * both[0] + weight * both[1])
-    return out[0], out[1], out[2].sigmoid()
+    front, back = made.front, made.back
+
+    def both(name: str) -> Tensor:
+        values = [None if chain is None else getattr(chain, name) for chain in (front, back)]
+        if name == "contacts":
+            values = [None if value is None else value.sigmoid() for value in values]
+        assert values[0] is not None
+        return joined_chains(values[0], values[1], steps, recipe.course)
+
+    return both("hips"), both("rotations"), both("contacts")
 
 
 @torch.no_grad()

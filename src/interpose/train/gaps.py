@@ -9,17 +9,13 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from interpose.data.contacts import INDICES
 from interpose.features import RATE
 from interpose.models.gap_plan import Ends
 from interpose.models.geometry import root_frame
 from interpose.models.stitch_forms import Body
-from interpose.skeleton import HUMANOID
-from interpose.stitching import ANCHORS
+from interpose.stitching import ANCHORS, STANDING
 from interpose.train.frames import Frames, interpolation
-
-FEET = tuple(HUMANOID.index(name) for name in ("LeftFoot", "LeftToe", "RightFoot", "RightToe"))
-STANDING = (0.13, 0.05, 0.13, 0.05)
-"""Metres below which a foot joint of a lone key counts as in contact (METHOD.md, part F)."""
 
 
 @dataclass(frozen=True)
@@ -163,14 +159,19 @@ def letter_motion(data: Frames, gaps: Gaps, steps: int, mean: Float[Tensor, "22 
     direction = data.facing[gaps.start]
     frame = root_frame(direction)[:, None]
     origin = (data.hips[gaps.start] * data.hips.new_tensor([1.0, 0.0, 1.0]))[:, None]
-    half = 0.5 * torch.atan2(direction[:, 0], direction[:, 1])
-    nothing = torch.zeros_like(half)
-    turn = torch.stack([nothing, -half.sin(), nothing, half.cos()], dim=-1)[:, None]
+    turn = _unturned(direction)[:, None]
     local = data.local[index].clone()
     local[:, :, 0] = roma.quat_product(turn.expand(-1, steps + 1, -1), local[:, :, 0])
     hips = ((data.hips[index] - origin)[:, :, None] @ frame)[:, :, 0]
     positions = (data.positions[index] - origin[:, None]) @ frame
     return Motion(hips, signed(local, mean), positions, data.contacts[index])
+
+
+def _unturned(direction: Float[Tensor, "row 2"]) -> Float[Tensor, "row 4"]:
+    """The rotation about the vertical that turns what faces ``direction`` (x, z) to face +Z."""
+    half = -0.5 * torch.atan2(direction[:, 0], direction[:, 1])
+    nothing = torch.zeros_like(half)
+    return torch.stack([nothing, half.sin(), nothing, half.cos()], dim=-1)
 
 
 def signed(local: Float[Tensor, "*batch 22 4"], mean: Float[Tensor, "22 4"]) -> Float[Tensor, "*batch 22 4"]:
@@ -181,10 +182,7 @@ def signed(local: Float[Tensor, "*batch 22 4"], mean: Float[Tensor, "22 4"]) -> 
 def mean_quaternions(data: Frames) -> Float[Tensor, "22 4"]:
     """A mean pose to take signs from; the root's is in its own root frame."""
     local = data.local.clone()
-    half = -0.5 * torch.atan2(data.facing[:, 0], data.facing[:, 1])
-    nothing = torch.zeros_like(half)
-    turn = torch.stack([nothing, half.sin(), nothing, half.cos()], dim=-1)
-    local[:, 0] = roma.quat_product(turn, local[:, 0])
+    local[:, 0] = roma.quat_product(_unturned(data.facing), local[:, 0])
     mean = signed(local, local[0]).mean(dim=0)
     for _ in range(3):
         mean = signed(local, mean).mean(dim=0)
@@ -213,7 +211,7 @@ def bodies(data: Frames, gaps: Gaps, true: Motion) -> tuple[Body, Body]:
 
 def standing(positions: Float[Tensor, "row 22 3"]) -> Float[Tensor, "row 4"]:
     """Contacts of a lone key, by height."""
-    return (positions[:, FEET, 1] < positions.new_tensor(STANDING)).float()
+    return (positions[:, INDICES, 1] < positions.new_tensor(STANDING)).float()
 
 
 def base(data: Frames, gaps: Gaps, parts: Float[Tensor, "row time"]) -> Float[Tensor, "row time pose"]:

@@ -40,14 +40,14 @@ def made_gaps(
     front, back = gaps.bodies(data, drawn, true)
     rows, device = len(drawn.start), data.hips.device
     if model.size.form == "paper":
-        base = torch.zeros(rows, steps + 1, 135, device=device)
+        base = torch.zeros(rows, steps + 1, POSE, device=device)
     else:
         parts = (torch.arange(steps + 1, device=device) / steps).expand(rows, -1)
         base = gaps.base(data, drawn, parts)
     z = None
     if model.plan is not None:
         with torch.no_grad():
-            z, added = _planned(model, data, drawn, config, base, generator, known, noise)
+            z, added = _planned(model, data, drawn, config, generator, known, noise)
         if model.size.planned:
             weights = torch.as_tensor(spread(steps), dtype=base.dtype, device=device)
             base = base + torch.einsum("ta,bac->btc", weights, added)
@@ -67,7 +67,6 @@ def _planned(
     data: Frames,
     drawn: Gaps,
     config: Config,
-    base: Float[Tensor, "row frame pose"],
     generator: torch.Generator,
     known: Float[Tensor, "row"] | None,
     noise: Float[Tensor, "row unit"] | None,
@@ -95,6 +94,7 @@ def _planned(
 
 
 def true_motion(model: StitchingCVAE, data: Frames, drawn: Gaps, steps: int) -> Motion:
+    """What really happened, as the model's form has it."""
     if model.size.form == "paper":
         return gaps.letter_motion(data, drawn, steps, model.mean_quaternions)
     return gaps.motion(data, drawn, steps)

@@ -5,6 +5,7 @@ Those of the generators take a :class:`~interpose.train.stitch_rollout.Stitched`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -12,11 +13,11 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.data.contacts import SLIDE_HEIGHT
-from interpose.train.gaps import FEET, Motion
+from interpose.data.contacts import INDICES, SLIDE_HEIGHT
+from interpose.train.gaps import Motion
 from interpose.train.stitch_rollout import Chain, Stitched
 
-TOES = [FEET[1], FEET[3]]
+TOES = [INDICES[1], INDICES[3]]
 SPAN = 6
 """Frames over which jerk is compared."""
 
@@ -91,7 +92,7 @@ def chains(
             else (said.sigmoid() - down).abs()
         ),
         "displacement": rows((step - true_step).abs()),
-        "foot": rows(stands[..., None] * step[:, :, FEET].abs()),
+        "foot": rows(stands[..., None] * step[:, :, INDICES].abs()),
         "skate": skate(made.positions),
         "energy": _energy(made.positions, true.positions),
     }
@@ -100,7 +101,7 @@ def chains(
     return each
 
 
-def _root(both: list[Chain], true: Motion, rows) -> Float[Tensor, ""]:
+def _root(both: list[Chain], true: Motion, rows: Callable[[Tensor], Tensor]) -> Float[Tensor, ""]:
     """L1 of the root's velocity, metres a frame, in each chain's own direction."""
     parts = []
     for chain in both:

@@ -8,7 +8,6 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from interpose.features import JOINTS
 from interpose.models.gap_plan import Normal
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, StitchingCVAE
@@ -99,7 +98,9 @@ def roll(
         at[side] = move.made
     chains = [_chain(each, base.device) if each else None for each in made]
     assert chains[0] is not None
-    return Stitched(chains[0], chains[1], stitch(chains[0], chains[1], front, back, steps, course))
+    between = joined(chains[0].positions, None if chains[1] is None else chains[1].positions, steps, course)
+    positions = torch.cat([front.positions[:, None], between, back.positions[:, None]], dim=1)
+    return Stitched(chains[0], chains[1], positions)
 
 
 def _chain(made: list, device: torch.device) -> Chain:
@@ -114,25 +115,22 @@ def _chain(made: list, device: torch.device) -> Chain:
     )
 
 
-def stitch(
-    front: Chain, back: Chain | None, start: Body, target: Body, steps: int, course: Course
-) -> Float[Tensor, "row frame 22 3"]:
-    """Joint positions of all frames: the chains', blended where they overlap (in 6-D or quaternions), and the keys'."""
-    batch = len(start.hips)
+def joined(
+    front: Float[Tensor, "row time *channel"],
+    back: Float[Tensor, "row time_ *channel"] | None,
+    steps: int,
+    course: Course,
+) -> Float[Tensor, "row frame *channel"]:
+    """What both chains say of the frames between the keys, blended where they overlap; each in the order in which it
+    made them. The run time joins them so, too (`interpose.runtime.chains`), and smooths the seam."""
     count = steps - 1
-    ends = seam(steps, course.buffer, course.both)
-    parts = [start.positions[:, None], front.positions[:, : ends.backward - 1]]
-    shared = list(ends.overlap)
-    if back is not None:
-        onwards = back.positions.flip(1)  # ends.backward .. steps - 1
-        if shared:
-            weight = torch.as_tensor(shares(steps, course.buffer)[shared], dtype=start.hips.dtype)
-            weight = weight.to(start.hips.device)[:, None]
-            n = len(shared)
-            mix = front.positions[:, -n:] * (1.0 - weight[..., None]) + onwards[:, :n] * weight[..., None]
-            parts.append(mix)
-        parts.append(onwards[:, len(shared) :])
-    parts.append(target.positions[:, None])
-    whole = torch.cat(parts, dim=1)
-    assert whole.shape == (batch, count + 2, JOINTS, 3), whole.shape
-    return whole
+    share = torch.as_tensor(shares(steps, course.buffer, course.both)[1:-1], dtype=front.dtype)
+    weight = share.to(front.device).reshape(-1, *[1] * (front.ndim - 2))
+
+    def placed(values: Tensor, first: int) -> Tensor:
+        before = values.new_zeros(len(values), first, *values.shape[2:])
+        after = values.new_zeros(len(values), count - first - values.shape[1], *values.shape[2:])
+        return torch.cat([before, values, after], dim=1)
+
+    made = (1.0 - weight) * placed(front, 0)
+    return made if back is None else made + weight * placed(back.flip(1), count - back.shape[1])
