@@ -7,8 +7,8 @@ import learning
 import numpy as np
 import pytest
 
-from interpose.runtime import dual, methods, rollout
-from interpose.runtime.session import load
+from interpose.runtime import chains, dual, methods
+from interpose.runtime.session import Session, load
 from interpose.stitching import seam
 
 
@@ -68,11 +68,43 @@ def test_lengths_styles_and_paths(session, keys):
     path = np.concatenate([a + line * (b - a) + np.sin(np.pi * line) * 0.5, 0.0 * line], axis=1)
     led = dual.generate_batch(session, *(k[:1] for k in keys), 9, paths=[path])
     assert np.abs(led[0] - free[0]).max() > 1e-3
-    assert rollout.strayed(led[0][0], path) < np.inf
 
 
-def test_known_arrival_matters(session, keys):
-    plain = dual.generate_batch(session, *keys, 12)[0]
-    speeds = np.zeros((3, 22, 3))
+@pytest.fixture
+def fed(monkeypatch):
+    """What went into each network, by name."""
+    log = {"step": [], "back": []}
+    run = Session.run
+
+    def listened(self, name, feed):
+        log[name].append(feed)
+        return run(self, name, feed)
+
+    monkeypatch.setattr(Session, "run", listened)
+    return log
+
+
+def test_the_chains_meet(session, keys, monkeypatch):
+    seen = []
+    joined = chains.joined
+    monkeypatch.setattr(chains, "joined", lambda made, *rest: seen.append(made) or joined(made, *rest))
+    dual.generate_batch(session, *keys, 13)
+    (front, back) = seen[0]
+    middle = 7  # of fourteen steps: the backward chain steps exactly onto the forward one's newest frame
+    for name in ("hips", "rotations", "positions"):
+        np.testing.assert_allclose(front[middle - 1][name], back[middle - 1][name], atol=1e-4)
+
+
+def test_the_backward_network_sees_everything_from_its_end(session, keys, fed):
+    line = np.linspace(0.0, 1.0, 21)[:, None]
+    a, b = keys[0][0, 0, [0, 2]], keys[2][0, [0, 2]]
+    path = np.concatenate([a + line * (b - a), 0.0 * line], axis=1)
+    speeds = np.zeros((1, 22, 3))
     speeds[..., 2] = 1.5
-    assert np.abs(dual.generate_batch(session, *keys, 12, arriving=speeds)[0] - plain).max() > 1e-4
+    dual.generate_batch(session, *(k[:1] for k in keys), 19, paths=[path], arriving=speeds)
+    first = fed["back"][0]
+    np.testing.assert_allclose(first["hips"], keys[2][:1], atol=1e-5)
+    np.testing.assert_allclose(first["velocities"], -speeds, atol=1e-6)
+    assert first["velocity_known"][0, 0] == 1.0
+    np.testing.assert_allclose(first["path"][0, 0, :2], path[15, :2], atol=1e-5)
+    np.testing.assert_allclose(fed["step"][0]["path"][0, 0, :2], path[5, :2], atol=1e-5)

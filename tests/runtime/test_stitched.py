@@ -184,6 +184,23 @@ def test_known_velocities_matter_at_both_ends(session, keys):
     assert np.abs(methods.generate_batch(session, *keys, 9, arriving=arriving)[0] - plain).max() > 1e-4
 
 
+def test_the_backward_chain_leaves_the_target_against_its_velocity(session, keys, monkeypatch):
+    fed = {}
+    run = Session.run
+
+    def listened(self, name, feed):
+        fed.setdefault(name, feed)
+        return run(self, name, feed)
+
+    monkeypatch.setattr(Session, "run", listened)
+    arriving = np.random.default_rng(1).normal(size=(3, 22, 3))
+    methods.generate_batch(session, *keys, 9, arriving=arriving)
+    np.testing.assert_allclose(fed["back"]["velocities"], -arriving, atol=1e-6)
+    np.testing.assert_allclose(fed["plan"]["target_velocities"], arriving, atol=1e-6)
+    assert fed["front"]["known"].max() == 0.0
+    assert fed["back"]["known"].min() == 1.0
+
+
 def test_the_root_keeps_to_a_path(session, keys):
     steps = 20
     line = np.linspace(0.0, 1.0, steps + 1)[:, None]
