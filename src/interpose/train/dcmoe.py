@@ -20,12 +20,11 @@ from torch import Tensor
 
 from interpose.data import database
 from interpose.data.database import Database
-from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
 from interpose.train import checkpoint, loop, losses, validation
-from interpose.train.frames import Frames, backwards, joined, load_frames
+from interpose.train.frames import Frames, backwards, divided, origin
 from interpose.train.sequences import (
     PLAIN,
     Keys,
@@ -140,15 +139,16 @@ def train(
     stages: tuple[Stage, ...] | None = None,
     foreign_keys: float | None = None,
     backward: bool = False,
+    config: Config | None = None,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
 
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
     upper body, which makes the style label matter (`interpose.train.sequences.poses`). backward: on motion that runs
-    backwards, for stitching from both ends (`interpose.runtime.dual`). Raises InputError for an unknown
-    preset, databases that do not load or are too short, phases that do not fit, a share that is none, and a run folder
-    of another config.
+    backwards, for stitching from both ends (`interpose.runtime.dual`). config: in place of the preset's. Raises
+    InputError for an unknown preset, databases that do not load or are too short, phases that do not fit, a share that
+    is none, and a run folder of another config.
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
@@ -157,29 +157,23 @@ def train(
     if foreign_keys is not None and not 0.0 <= foreign_keys <= 1.0:
         raise InputError(f"the share of foreign keys must be 0 to 1, got {foreign_keys}")
     loaded = [database.load(path) for path in data]
-    chosen = PRESETS[preset]
+    chosen = config or PRESETS[preset]
     if foreign_keys is not None:
         chosen = replace(chosen, sampling=replace(chosen.sampling, foreign_keys=foreign_keys))
     config = replace(
         chosen,
         seed=seed,
         stages=stages or chosen.stages,
-        databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
+        **origin(loaded),
         styles=tuple(sorted({s for d in loaded for s in d.styles})),
         phases=phases is not None,
         backward=backward,
-        licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
     )
     for of in loaded:
         if np.diff(of.ranges).max() < HISTORY:
             raise InputError(f"{of.path}: no clip is longer than a second; prepare longer ones")
-    arrays = [None] * len(loaded) if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
-    training, held_out = (
-        joined(
-            [load_frames(d, p, list(config.styles), training_ranges(d)[i]) for d, p in zip(loaded, arrays, strict=True)]
-        )
-        for i in (0, 1)
-    )
+    arrays = None if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
+    training, held_out = divided(loaded, list(config.styles), arrays)
     if backward:
         training, held_out = backwards(training), backwards(held_out)
     return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)

@@ -17,13 +17,12 @@ from torch import Tensor
 
 from interpose.data import database
 from interpose.data.contacts import INDICES
-from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.models.detail_transformer import DetailSize, DetailTransformer, refined_loss
 from interpose.models.geometry import joint_positions, to_matrix
 from interpose.models.stitching_cvae import StitchingCVAE
 from interpose.train import checkpoint, gaps, loop, stitch, stitch_config, stitch_gaps
-from interpose.train.frames import Frames, joined, load_frames
+from interpose.train.frames import Frames, divided, origin
 from interpose.train.stitch_config import Config as Recipe
 from interpose.train.stitch_rollout import Stitched
 from interpose.train.stitch_rollout import joined as joined_chains
@@ -91,15 +90,12 @@ def train(
     chosen = replace(
         config or PRESETS[preset],
         seed=seed,
-        databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
+        **origin(loaded),
         styles=tuple(saved["config"]["styles"]),
-        licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
         refines=refines.name,
         stitch=saved["config"],
     )
-    training, held_out = (
-        joined([load_frames(d, None, list(chosen.styles), training_ranges(d)[i]) for d in loaded]) for i in (0, 1)
-    )
+    training, held_out = divided(loaded, list(chosen.styles))
     return run(chosen, rough, training.to(device), held_out.to(device), run_dir, max_minutes)
 
 

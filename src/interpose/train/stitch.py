@@ -18,12 +18,11 @@ import torch
 from torch import Tensor
 
 from interpose.data import database
-from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.models.discriminator import Discriminators
 from interpose.models.stitching_cvae import StitchingCVAE
 from interpose.train import checkpoint, loop
-from interpose.train.frames import Frames, joined, load_frames
+from interpose.train.frames import Frames, divided, origin
 from interpose.train.phase_targets import phase_targets
 from interpose.train.stitch_config import PRESETS, Config, ablations, size_of
 from interpose.train.stitch_gaps import ratios, set_statistics
@@ -68,14 +67,11 @@ def train(
         chosen,
         size=replace(chosen.size, plan=plan),
         seed=seed,
-        databases=tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded),
         styles=styles,
-        licence="; ".join(dict.fromkeys(d.licence for d in loaded)),
+        **origin(loaded),
         plan_from="" if plan_from is None else plan_from.name,
     )
-    training, held_out = (
-        joined([load_frames(d, None, list(styles), training_ranges(d)[i]) for d in loaded]) for i in (0, 1)
-    )
+    training, held_out = divided(loaded, list(styles))
     for frames, what in ((training, "training"), (held_out, "validation")):
         if int((frames.last - frames.first).max()) < chosen.longest - 1:
             raise InputError(f"{data[0]}: no clip has {chosen.longest} frames for {what}; prepare longer ones")

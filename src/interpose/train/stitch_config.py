@@ -112,7 +112,7 @@ PRESETS: dict[str, Config] = {
         sampling=Sampling(path=0.0, velocity=0.0, style_dropout=1.0),
     ),
 }
-"""``full`` has the paper's size, ``small`` is useful on two CPU cores in half an hour, ``tiny`` is for tests, ``paper``
+"""``full`` has the paper's size, ``small`` is useful on two CPU cores in an hour, ``tiny`` is for tests, ``paper``
 is the paper's recipe unchanged."""
 
 
