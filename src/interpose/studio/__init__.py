@@ -1,0 +1,1 @@
+"""The studio: motion in-betweening in a browser, served on the loopback."""
