@@ -1,0 +1,61 @@
+/** The project as it was last, kept in the browser (IndexedDB), so that a crash or a reload loses nothing. */
+
+import type { Project } from "../protocol";
+
+const NAME = "interpose-studio";
+const STORE = "projects";
+/** Projects of tabs that are gone are kept so long, and so many of them at most. */
+const DAYS = 30;
+const MOST = 8;
+
+export interface Saved {
+  /** The tab's, which survives a reload. */
+  readonly tab: string;
+  readonly saved: number;
+  readonly project: Project;
+}
+
+export async function save(tab: string, project: Project): Promise<void> {
+  const store = await open("readwrite");
+  await done(store.put({ tab, saved: Date.now(), project } satisfies Saved));
+}
+
+export async function load(tab: string): Promise<Saved | null> {
+  const store = await open("readonly");
+  return ((await done(store.get(tab))) as Saved | undefined) ?? null;
+}
+
+/** What other tabs have left, the newest first; old ones are thrown away. */
+export async function others(tab: string): Promise<Saved[]> {
+  const store = await open("readwrite");
+  const all = (await done(store.getAll())) as Saved[];
+  const newest = all.filter((each) => each.tab !== tab).sort((a, b) => b.saved - a.saved);
+  const kept = newest.filter((each, i) => i < MOST && Date.now() - each.saved < DAYS * 86_400_000);
+  for (const each of newest) if (!kept.includes(each)) store.delete(each.tab);
+  return kept;
+}
+
+export async function forget(tab: string): Promise<void> {
+  await done((await open("readwrite")).delete(tab));
+}
+
+function open(mode: IDBTransactionMode): Promise<IDBObjectStore> {
+  return new Promise((resolve, reject) => {
+    const request = indexedDB.open(NAME, 1);
+    request.onupgradeneeded = () => request.result.createObjectStore(STORE, { keyPath: "tab" });
+    request.onerror = () => reject(request.error);
+    request.onsuccess = () => {
+      const transaction = request.result.transaction(STORE, mode);
+      transaction.oncomplete = () => request.result.close();
+      transaction.onabort = () => request.result.close();
+      resolve(transaction.objectStore(STORE));
+    };
+  });
+}
+
+function done<T>(request: IDBRequest<T>): Promise<T> {
+  return new Promise((resolve, reject) => {
+    request.onsuccess = () => resolve(request.result);
+    request.onerror = () => reject(request.error);
+  });
+}

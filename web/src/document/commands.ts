@@ -1,0 +1,177 @@
+/** What can be done to a document: pure functions from one document to the next. What cannot be done changes nothing. */
+
+import type { GapSettings } from "../protocol";
+import type { Pose, Rig } from "../rig";
+import { row } from "../rig";
+import type { Document, Key } from "./document";
+import { AS_IN_CLIP, ASKED_FOR, gapAtFrame, isAsInClip, keyAtFrame, newId } from "./document";
+import type { Source } from "../protocol";
+
+/** A clip that was just opened: its first and last frame are keys, and what lies between is the clip's own. */
+export function fromClip(source: Source, rig: Rig): Document {
+  const last = rig.frameCount - 1;
+  const keys = (last > 0 ? [0, last] : [0]).map((frame) => keyOfClip(rig, frame, frame, AS_IN_CLIP));
+  return { name: source.name.replace(/\.bvh$/i, ""), source, rate: rig.rate, stride: rig.stride, keys };
+}
+
+function keyOfClip(rig: Rig, source: number, frame: number, after: GapSettings): Key {
+  return { id: newId(), frame, pose: row(rig.frames, rig.stride, source).slice(), source, after, kept: null };
+}
+
+/** A key at a frame. In a gap it takes over what is asked of it, and a locked gap is cut in two; outside, the new gap is
+ * asked for anew. At a frame that has a key, that key's pose is replaced. */
+export function addKey(document: Document, frame: number, pose: Pose, source: number | null): Document {
+  if (!Number.isInteger(frame) || frame < 0) return document;
+  const there = keyAtFrame(document, frame);
+  if (there) return setPose(document, there.id, pose, source);
+  const gap = gapAtFrame(document, frame);
+  const key: Key = { id: newId(), frame, pose: pose.slice(), source, after: ASKED_FOR, kept: null };
+  if (!gap) return settled(document, [...document.keys, key]);
+  const { left } = gap;
+  const before = frame - left.frame - 1;
+  const cut = (from: number, to?: number) => left.kept?.slice(from * document.stride, to && to * document.stride) ?? null;
+  const halves = [
+    { ...left, kept: left.kept && cut(0, before) },
+    { ...key, after: left.after, kept: cut(before + 1) },
+  ];
+  return settled(document, [...document.keys.filter((other) => other !== left), ...halves]);
+}
+
+/** Without some keys; the gap before each reaches to the next one. One key at least stays. */
+export function deleteKeys(document: Document, ids: readonly string[]): Document {
+  const keys = document.keys.filter((key) => !ids.includes(key.id));
+  if (keys.length === 0) return document;
+  const gone = (key: Key) => ids.includes(document.keys[document.keys.indexOf(key) + 1]?.id);
+  return settled(document, keys.map((key) => (gone(key) ? unlocked(key) : key)));
+}
+
+/** Some keys moved together by frames, as far as their neighbours and the beginning allow. */
+export function moveKeys(document: Document, ids: readonly string[], by: number): Document {
+  const room = roomToMove(document, ids);
+  const way = Math.max(room.least, Math.min(room.most, Math.round(by)));
+  if (way === 0) return document;
+  const keys = document.keys.map((key) => (ids.includes(key.id) ? { ...key, frame: key.frame + way } : key));
+  return settled(document, keys.map((key, i) => withLength(document, keys, key, i)));
+}
+
+/** How far some keys can be moved together, in frames. */
+export function roomToMove(document: Document, ids: readonly string[]): { least: number; most: number } {
+  let least = -Infinity;
+  let most = Infinity;
+  document.keys.forEach((key, i) => {
+    if (!ids.includes(key.id)) return;
+    const before = document.keys[i - 1];
+    const behind = document.keys[i + 1];
+    if (!before) least = Math.max(least, -key.frame);
+    else if (!ids.includes(before.id)) least = Math.max(least, before.frame + 1 - key.frame);
+    if (behind && !ids.includes(behind.id)) most = Math.min(most, behind.frame - 1 - key.frame);
+  });
+  return { least, most };
+}
+
+/** The gap after a key made to last so many frames; all later keys move along. */
+export function setFrames(
+  document: Document,
+  id: string,
+  frames: number,
+  speed: GapSettings["speed"] = null,
+): Document {
+  const index = document.keys.findIndex((key) => key.id === id);
+  if (index < 0 || index === document.keys.length - 1) return document;
+  const by = Math.max(0, Math.round(frames)) - (document.keys[index + 1].frame - document.keys[index].frame - 1);
+  const keys = document.keys.map((key, i) =>
+    i > index ? { ...key, frame: key.frame + by } : i === index ? { ...key, after: { ...key.after, speed } } : key,
+  );
+  if (by === 0 && document.keys[index].after.speed === speed) return document;
+  return settled(document, by === 0 ? keys : keys.map((key, i) => (i === index ? unlocked(key) : key)));
+}
+
+/** Another pose for a key. */
+export function setPose(document: Document, id: string, pose: Pose, source: number | null = null): Document {
+  const index = document.keys.findIndex((key) => key.id === id);
+  if (index < 0) return document;
+  const keys = document.keys.map((key, i) =>
+    i === index ? { ...unlocked(key), pose: pose.slice(), source } : i === index - 1 ? unlocked(key) : key,
+  );
+  return settled(document, keys);
+}
+
+/** Other settings for the gap after a key. Whatever they are but for which candidate shows, the best one shows again. */
+export function setGap(document: Document, id: string, changes: Partial<GapSettings>): Document {
+  const fresh = "chosen" in changes || "locked" in changes ? {} : { chosen: 0 };
+  const keys = document.keys.map((key) => {
+    if (key.id !== id) return key;
+    const after = { ...key.after, ...fresh, ...changes };
+    if (after.method === "interp") Object.assign(after, { style: null, blend: null, path: { kind: "auto" } });
+    return { ...key, after, kept: after.locked ? key.kept : null };
+  });
+  return settled(document, keys);
+}
+
+/** Keeps what the gap after a key shows: `rows` are its frames. */
+export function lockGap(document: Document, id: string, rows: Float32Array): Document {
+  const keys = document.keys.map((key) =>
+    key.id === id ? { ...key, after: { ...key.after, locked: true }, kept: rows.slice() } : key,
+  );
+  return { ...document, keys };
+}
+
+/** What copying holds: poses, how far apart they were, and what was asked between them. */
+export interface Copied {
+  readonly stride: number;
+  readonly keys: readonly { pose: Pose; source: number | null; offset: number; after: GapSettings }[];
+}
+
+export function copyKeys(document: Document, ids: readonly string[]): Copied {
+  const keys = document.keys.filter((key) => ids.includes(key.id));
+  const first = keys[0]?.frame ?? 0;
+  return {
+    stride: document.stride,
+    keys: keys.map(({ pose, source, frame, after }) => ({
+      pose,
+      source,
+      offset: frame - first,
+      after: { ...after, locked: false },
+    })),
+  };
+}
+
+/** Copied keys from a frame on; those that are there already at such a frame get the copied pose. */
+export function pasteKeys(document: Document, copied: Copied, frame: number): Document {
+  if (copied.stride !== document.stride) return document;
+  return copied.keys.reduce((made, { pose, source, offset, after }) => {
+    const next = addKey(made, frame + offset, pose, source);
+    const added = keyAtFrame(next, frame + offset);
+    const isNew = added !== null && keyAtFrame(made, frame + offset) === null;
+    return isNew && added ? setGap(next, added.id, after) : next;
+  }, document);
+}
+
+export function rename(document: Document, name: string): Document {
+  const trimmed = name.trim().slice(0, 120);
+  return trimmed ? { ...document, name: trimmed } : document;
+}
+
+function unlocked(key: Key): Key {
+  return key.after.locked || key.kept ? { ...key, after: { ...key.after, locked: false }, kept: null } : key;
+}
+
+/** A key whose gap may have changed its length: a locked one that did is free again, and a chosen speed is none now. */
+function withLength(document: Document, keys: readonly Key[], key: Key, index: number): Key {
+  const was = document.keys[index + 1]?.frame - document.keys[index].frame;
+  if (was === keys[index + 1]?.frame - key.frame) return key;
+  return { ...unlocked(key), after: { ...unlocked(key).after, speed: null } };
+}
+
+/** Keys in order, and no gap left as in the clip that cannot be. */
+function settled(document: Document, keys: readonly Key[]): Document {
+  const ordered = [...keys].sort((a, b) => a.frame - b.frame);
+  return {
+    ...document,
+    keys: ordered.map((key, i) => {
+      const next = ordered[i + 1];
+      const lost = next !== undefined && key.after.method === "clip" && !isAsInClip(key, next);
+      return lost ? { ...key, after: { ...key.after, method: ASKED_FOR.method } } : key;
+    }),
+  };
+}

@@ -1,0 +1,101 @@
+/** The document: the source's rig, keys along time, and what is asked of the gap after each. Values only; never changed. */
+
+import type { GapSettings, Source } from "../protocol";
+import type { Pose } from "../rig";
+
+export interface Key {
+  readonly id: string;
+  readonly frame: number;
+  readonly pose: Pose;
+  /** The frame of the source that the pose is, unchanged; null once it was edited. */
+  readonly source: number | null;
+  /** The gap from this key to the next one. */
+  readonly after: GapSettings;
+  /** The frames of a locked gap, as rows; they stay whatever is generated. */
+  readonly kept: Float32Array | null;
+}
+
+export interface Document {
+  readonly name: string;
+  readonly source: Source;
+  readonly rate: number;
+  /** Floats of a pose of this rig. */
+  readonly stride: number;
+  /** In order of time, at least one; no two at one frame. */
+  readonly keys: readonly Key[];
+}
+
+/** A gap, known by its left key. */
+export interface Gap {
+  readonly id: string;
+  readonly index: number;
+  readonly left: Key;
+  readonly right: Key;
+  /** Frames between the two keys. */
+  readonly frames: number;
+  readonly settings: GapSettings;
+}
+
+export const ASKED_FOR: GapSettings = {
+  method: "dcmoe",
+  style: null,
+  blend: null,
+  path: { kind: "auto" },
+  variants: 4,
+  seed: 1,
+  speed: null,
+  chosen: 0,
+  locked: false,
+};
+
+export const AS_IN_CLIP: GapSettings = { ...ASKED_FOR, method: "clip" };
+
+/** The longest gap that can be asked for (protocol.py, MOST_FRAMES). */
+export const LONGEST_GAP = 6000;
+
+export function newId(): string {
+  return crypto.randomUUID().slice(0, 12);
+}
+
+export function gapsOf(document: Document): Gap[] {
+  return document.keys.slice(0, -1).map((_, index) => gapAt(document, index));
+}
+
+function gapAt(document: Document, index: number): Gap {
+  const left = document.keys[index];
+  const right = document.keys[index + 1];
+  return { id: left.id, index, left, right, frames: right.frame - left.frame - 1, settings: left.after };
+}
+
+/** The gap after the key `id`, or null where that is the last key or none. */
+export function gapOf(document: Document, id: string | null): Gap | null {
+  const index = document.keys.findIndex((key) => key.id === id);
+  return index < 0 || index === document.keys.length - 1 ? null : gapAt(document, index);
+}
+
+/** The gap that holds a frame strictly between its keys, or that begins there; null outside. */
+export function gapAtFrame(document: Document, frame: number): Gap | null {
+  const index = document.keys.findLastIndex((key) => key.frame <= frame);
+  return index < 0 || index === document.keys.length - 1 ? null : gapAt(document, index);
+}
+
+export function keyOf(document: Document, id: string | null): Key | null {
+  return document.keys.find((key) => key.id === id) ?? null;
+}
+
+export function keyAtFrame(document: Document, frame: number): Key | null {
+  return document.keys.find((key) => key.frame === frame) ?? null;
+}
+
+export function firstFrame(document: Document): number {
+  return document.keys[0].frame;
+}
+
+export function lastFrame(document: Document): number {
+  return document.keys[document.keys.length - 1].frame;
+}
+
+/** Whether both keys of a gap are still frames of the source, as far apart as there: then it can be left as it was. */
+export function isAsInClip(left: Key, right: Key): boolean {
+  return left.source !== null && right.source !== null && right.source - left.source === right.frame - left.frame;
+}
