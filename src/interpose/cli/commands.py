@@ -26,7 +26,8 @@ class Options:
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
     """An installed model (see `interpose models`) or a model's folder; the default model where left out."""
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
-    """One of the model's styles; free where left out, and then each further variant takes another one."""
+    """One of the model's styles, or a blend, as Angry+Drunk or Angry:0.7+Drunk:0.3; free where left out, and then each
+    further variant takes another one."""
     path: Annotated[str, arg(metavar="auto|straight|none|FILE.json")] = "auto"
     """The root's way on the ground: auto matches a trajectory of the gallery, straight is a straight line, none leaves
     it to the model, and a file holds what you drew (docs/paths.md)."""

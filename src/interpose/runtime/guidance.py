@@ -27,7 +27,7 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
-from interpose.runtime import methods
+from interpose.runtime import blends, methods
 from interpose.runtime.rollout import Path
 from interpose.runtime.session import Session
 
@@ -97,7 +97,8 @@ def suggestion(gallery: Gallery | None, gap: Gap, wish: Wish) -> Suggestion:
     """How long the gap should take. Raises InputError where there is no gallery, and :class:`Unreachable`."""
     if gallery is None:
         raise InputError("how long this takes is not known without a gallery; give a number of frames, or a gallery")
-    style = wish.style if wish.style in gallery.styles else None
+    leading = blends.leading(wish.style)
+    style = leading if leading in gallery.styles else None
     return proposals.suggestion(gallery, gap.query, gap.ends, style, wish.seed)
 
 
@@ -131,7 +132,7 @@ def _matched(
 ) -> tuple[list[Plan], str | None]:
     """Plans along trajectories of the gallery, and what could not be served as asked; ``steps``: of the likeliest."""
     query, ends, note = gap.query, gap.ends, None
-    style = wish.style
+    style = blends.leading(wish.style)
     if style is not None and style not in gallery.styles:
         note = f"the gallery has no trajectory in style '{style}'; those of all its styles were matched"
         style = None
@@ -201,7 +202,8 @@ def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
 
 def _drawn(gallery: Gallery | None, gap: Gap, wish: Wish) -> Plan:
     assert wish.line is not None
-    style = wish.style if gallery is not None and wish.style in gallery.styles else None
+    leading = blends.leading(wish.style)
+    style = leading if gallery is not None and leading in gallery.styles else None
     path = drawn.follow(gallery, wish.line, gap.query, Asked(wish.steps, wish.speed, style), gap.ends, wish.seed)
     return Plan(len(path) - 1, path, "drawn")
 

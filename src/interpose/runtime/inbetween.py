@@ -92,7 +92,7 @@ def suggest(
     Raises InputError where it is not known: the rig is no humanoid, there is no gallery, or it does not reach so far.
     """
     check_gap(start, target, 1)
-    gap = _gap(start, aligned(start, target)[1], mapping_of(start) if mapping is None else mapping)
+    gap = gap_of(start, aligned(start, target)[1], mapping_of(start) if mapping is None else mapping)
     return _suggested(_told(gap, request), start.rate)
 
 
@@ -143,6 +143,18 @@ def mapping_of(motion: Motion) -> retarget.Mapping | str:
         return str(error)
 
 
+def gap_of(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
+    """The gap from ``start``'s last to ``goal``'s first frame on the 22 joints at 30 Hz, with what is known around it.
+
+    Raises InputError where the rig is no humanoid.
+    """
+    if isinstance(mapping, str):
+        raise InputError(f"how long this takes is not known: {mapping}; give a number of frames")
+    ahead = np.minimum(np.arange(min(2, len(goal))) * goal.rate / MODEL_RATE, len(goal) - 1.0)
+    known = retarget.to_humanoid(recent(start, CONTEXT), mapping), retarget.to_humanoid(sample(goal, ahead), mapping)
+    return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
+
+
 def _transitions(
     starts: list[Motion],
     target: Motion,
@@ -160,10 +172,10 @@ def _transitions(
     goal = aligned(starts[0], target)[1]
     rate = starts[0].rate
     line = _line(request, names)
-    gap = None if isinstance(mapping, str) else _gap(starts[0], goal, mapping)
+    gap = None if isinstance(mapping, str) else gap_of(starts[0], goal, mapping)
     told = suggested = None
     if frames is None and line is None:
-        told = _told(gap or _gap(starts[0], goal, mapping), request)
+        told = _told(gap or gap_of(starts[0], goal, mapping), request)
         suggested = _suggested(told, rate)
     fallback = None
     if request.method == "interp" and suggested is not None:
@@ -233,15 +245,6 @@ def _line(request: Request, names: tuple[int | str, int | str] | None) -> Drawn 
     if names is not None and isinstance(names[0], int) and isinstance(names[1], int):
         return request.lines.of(names[0], names[1])
     return request.lines.whole
-
-
-def _gap(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
-    """The gap on the 22 joints at 30 Hz. Raises InputError where the rig is no humanoid."""
-    if isinstance(mapping, str):
-        raise InputError(f"how long this takes is not known: {mapping}; give a number of frames")
-    ahead = np.minimum(np.arange(min(2, len(goal))) * goal.rate / MODEL_RATE, len(goal) - 1.0)
-    known = retarget.to_humanoid(recent(start, CONTEXT), mapping), retarget.to_humanoid(sample(goal, ahead), mapping)
-    return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
 
 
 def _told(gap: Gap, request: Request) -> Suggestion:

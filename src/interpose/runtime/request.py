@@ -8,6 +8,7 @@ from interpose.errors import InputError
 from interpose.gallery.drawfile import DrawnFile
 from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
+from interpose.runtime import blends
 from interpose.runtime.session import Session
 
 METHODS = ("dcmoe", "stitch", "stitch+detail", "interp")
@@ -19,8 +20,9 @@ PATHS = ("auto", "straight", "none")
 class Request:
     """What is asked of every gap. Raises InputError where it cannot be had.
 
-    session: the model; needed by every method but interp. style: one of the model's, or None to leave it free. path:
-    auto (matched from the gallery), straight, none (the network's own), or a name for ``lines``. lines: what was drawn.
+    session: the model; needed by every method but interp. style: one of the model's, or a blend of them (`blends`), or
+    None to leave it free. path: auto (matched from the gallery), straight, none (the network's own), or a name for
+    ``lines``. lines: what was drawn.
     speed: fast, medium or slow, where no number of frames is given. gallery: in place of the model's own.
     control: how much a path counts beside the root that the network foresees, 0 to 1.
     """
@@ -57,9 +59,8 @@ class Request:
                 )
         elif self.session is None:
             raise InputError(f"method '{self.method}' needs a model")
-        elif self.style is not None and self.style not in self.session.styles:
-            known = ", ".join(self.session.styles) or "none"
-            raise InputError(f"the model '{self.session.name}' has no style '{self.style}'; it has {known}")
+        elif self.style is not None:
+            blends.check(self.style, self.session.styles, self.session.name)
 
     @property
     def trajectories(self) -> Gallery | None:

@@ -24,6 +24,7 @@ from interpose.errors import InputError
 from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes
 from interpose.gallery import store
 from interpose.gallery.store import Gallery
+from interpose.runtime import blends
 
 INSTALLED = Path(__file__).resolve().parent.parent / "assets" / "models"
 DEFAULT = "default"
@@ -149,13 +150,18 @@ class Session:
         return self.run("step", feed)
 
     def style_weights(self, styles: list[str | None]) -> Float[ndarray, "batch style"]:
-        """A row of weights over (free, style 1, ...) for each label. Raises InputError for an unknown one."""
+        """A row of weights over (free, style 1, ...) for each label, which may blend styles (`blends`).
+
+        Raises InputError for an unknown one.
+        """
         weights = np.zeros((len(styles), len(self.styles) + 1), dtype=np.float32)
         for row, style in enumerate(styles):
-            if style is not None and style not in self.styles:
-                known = ", ".join(self.styles) or "none"
-                raise InputError(f"the model '{self.name}' has no style '{style}'; it has {known}")
-            weights[row, 0 if style is None else self.styles.index(style) + 1] = 1.0
+            if style is None:
+                weights[row, 0] = 1.0
+                continue
+            blends.check(style, self.styles, self.name)
+            for name, share in blends.shares(style).items():
+                weights[row, self.styles.index(name) + 1] = share
         return weights
 
 
