@@ -1,0 +1,168 @@
+/** Renderer, camera, lights and ground; draws only when something changed. */
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Ground } from "./ground";
+import type { Palette } from "./palette";
+
+const WITHOUT_WEBGL =
+  "This browser cannot draw in three dimensions, because WebGL is missing or switched off. " +
+  "Switch on hardware acceleration in its settings, or open the studio in another browser.";
+const SHADOW_REACH = 1.9;
+
+export class Stage {
+  readonly scene = new THREE.Scene();
+  readonly camera = new THREE.PerspectiveCamera(32, 1, 0.05, 400);
+  readonly orbit: OrbitControls;
+  /** Called before each picture. */
+  before: () => void = () => {};
+  width = 1;
+  height = 1;
+  ratio = 1;
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly ground = new Ground();
+  private readonly sky = new THREE.HemisphereLight();
+  private readonly lamp = new THREE.DirectionalLight();
+  private readonly rim = new THREE.DirectionalLight();
+  private readonly follows = new THREE.Vector3();
+  private following = false;
+  private asked = 0;
+  private last = 0;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    try {
+      this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    } catch {
+      throw new Error(WITHOUT_WEBGL);
+    }
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.toneMapping = THREE.NeutralToneMapping;
+    this.lamp.castShadow = true;
+    this.lamp.shadow.mapSize.set(1024, 1024);
+    this.lamp.shadow.bias = -0.0004;
+    this.lamp.shadow.normalBias = 0.022;
+    this.lamp.shadow.radius = 3.2;
+    this.scene.add(this.ground.group, this.sky, this.lamp, this.lamp.target, this.rim, this.rim.target);
+    this.orbit = new OrbitControls(this.camera, canvas);
+    this.orbit.enableDamping = false;
+    this.orbit.maxPolarAngle = Math.PI / 2 + 0.1;
+    this.orbit.minDistance = 0.5;
+    this.orbit.maxDistance = 60;
+    this.orbit.screenSpacePanning = true;
+    this.orbit.mouseButtons = { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.PAN };
+    this.orbit.addEventListener("change", () => this.draw());
+    canvas.addEventListener("webglcontextlost", this.lost);
+    canvas.addEventListener("webglcontextrestored", this.restored);
+    this.camera.position.set(2.4, 1.7, 4.2);
+    this.orbit.target.set(0, 0.9, 0);
+    this.orbit.update();
+    this.resize();
+  }
+
+  /** Asks for a picture. */
+  draw(): void {
+    if (this.asked === 0) this.asked = requestAnimationFrame(this.picture);
+  }
+
+  paint(palette: Palette): void {
+    this.ground.paint(palette);
+    this.sky.color.set(palette.above);
+    this.sky.groundColor.set(palette.below);
+    this.sky.intensity = palette.ambient;
+    this.lamp.intensity = palette.lamp;
+    this.rim.intensity = palette.rim;
+    this.draw();
+  }
+
+  resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.width = Math.max(1, clientWidth);
+    this.height = Math.max(1, clientHeight);
+    this.ratio = Math.min(2, globalThis.devicePixelRatio || 1);
+    this.renderer.setPixelRatio(this.ratio);
+    this.renderer.setSize(this.width, this.height, false);
+    this.camera.aspect = this.width / this.height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  /** The lamp and its shadow stand about `root`; `size` is about the height of a figure's hips. */
+  light(root: THREE.Vector3, size: number): void {
+    const reach = SHADOW_REACH * size;
+    this.lamp.target.position.set(root.x, 0.5 * size, root.z);
+    this.lamp.position.copy(this.lamp.target.position).add(new THREE.Vector3(1.6, 4.2, 2.4).multiplyScalar(size));
+    const box = this.lamp.shadow.camera;
+    box.left = box.bottom = -reach;
+    box.right = box.top = reach;
+    box.near = 0.5 * size;
+    box.far = 9 * size;
+    box.updateProjectionMatrix();
+  }
+
+  /** The camera goes along with `root` on the ground from now on; without one it stays. */
+  follow(root: THREE.Vector3 | null): void {
+    this.following = root !== null;
+    if (root === null) return;
+    this.follows.copy(root);
+    this.draw();
+  }
+
+  /** Looks at all of a box from where the camera is, or from `from`. */
+  frame(box: THREE.Box3, from?: THREE.Vector3): void {
+    if (box.isEmpty()) return;
+    const centre = box.getCenter(new THREE.Vector3());
+    const radius = 0.5 * box.getSize(new THREE.Vector3()).length();
+    const way = (from ?? this.camera.position.clone().sub(this.orbit.target)).normalize();
+    const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
+    const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
+    this.orbit.target.copy(centre);
+    this.camera.position.copy(centre).addScaledVector(way, (1.02 * radius) / Math.sin(narrow));
+    this.orbit.update();
+    this.draw();
+  }
+
+  /** Where a point of the world is on the canvas, in CSS pixels. */
+  project(point: THREE.Vector3): { x: number; y: number; visible: boolean } {
+    const p = point.clone().project(this.camera);
+    return { x: (0.5 + 0.5 * p.x) * this.width, y: (0.5 - 0.5 * p.y) * this.height, visible: p.z > -1 && p.z < 1 };
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.asked);
+    this.asked = -1;
+    this.canvas.removeEventListener("webglcontextlost", this.lost);
+    this.canvas.removeEventListener("webglcontextrestored", this.restored);
+    this.orbit.dispose();
+    this.ground.dispose();
+    this.lamp.dispose();
+    this.renderer.dispose();
+  }
+
+  private readonly lost = (event: Event): void => event.preventDefault();
+
+  private readonly restored = (): void => this.draw();
+
+  private readonly picture = (now: number): void => {
+    this.asked = 0;
+    const seconds = Math.min(0.1, Math.max(0.001, (now - this.last) / 1000));
+    this.last = now;
+    if (this.following) this.catchUp(seconds);
+    this.before();
+    this.ground.look(this.orbit.target, this.camera.position.distanceTo(this.orbit.target));
+    const back = this.camera.position.clone().sub(this.orbit.target).setY(0).normalize();
+    this.rim.target.position.copy(this.orbit.target);
+    this.rim.position.copy(this.orbit.target).addScaledVector(back, -3).add(new THREE.Vector3(-1.2 * back.z, 3, 1.2 * back.x));
+    this.renderer.render(this.scene, this.camera);
+  };
+
+  private catchUp(seconds: number): void {
+    const away = this.follows.clone().sub(this.orbit.target).setY(0);
+    if (away.length() < 0.002) return;
+    away.multiplyScalar(1 - Math.exp(-7 * seconds));
+    this.orbit.target.add(away);
+    this.camera.position.add(away);
+    this.camera.updateMatrixWorld();
+    this.draw();
+  }
+}
