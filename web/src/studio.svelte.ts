@@ -208,7 +208,7 @@ export class Studio {
     if (!gap || gap.settings.method === "clip") return;
     const result = this.generator.result(gap.id);
     if (result?.partial && !gap.settings.locked) this.generator.refresh(gap.id);
-    if (gap.settings.method !== "interp") void this.loadSuggestion(gap);
+    if (gap.settings.method !== "interp") void this.suggest(gap);
   }
 
   goTo(frame: number): void {
@@ -487,7 +487,8 @@ export class Studio {
     this.sync();
   }
 
-  private async loadSuggestion(gap: Gap): Promise<void> {
+  /** Asks how long a gap should take. */
+  async suggest(gap: Gap): Promise<void> {
     try {
       const { style, blend } = gap.settings;
       const { header } = await this.ask({ type: "suggest", rig: this.rig!.id, style, blend }, this.ends(gap));
