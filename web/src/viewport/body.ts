@@ -110,7 +110,8 @@ export class GhostBody {
   }
 
   look(colour: string, opacity: number): void {
-    this.surface.color.set(colour);
+    this.surface.color.set(colour).multiplyScalar(0.45);
+    this.surface.emissive.set(colour).multiplyScalar(0.55);
     this.surface.opacity = opacity;
   }
 

@@ -1,7 +1,7 @@
 /** Translucent figures of key poses. */
 
 import * as THREE from "three";
-import type { Rig } from "../rig";
+import type { Pose, Rig } from "../rig";
 import { GhostBody } from "./body";
 import type { Palette } from "./palette";
 import type { Ghost } from "./types";
@@ -28,11 +28,21 @@ export class Ghosts {
   look(palette: Palette): void {
     for (const { ghost, figure } of this.bodies) {
       const hovered = ghost.key === this.hovered;
-      figure.look(ghost.selected || hovered ? palette.accent : palette.ghost, ghost.selected ? 0.5 : hovered ? 0.42 : 0.27);
+      figure.look(ghost.selected || hovered ? palette.accent : palette.ghost, ghost.selected ? 0.42 : hovered ? 0.38 : 0.27);
     }
+  }
+
+  /** A ghost is not seen in the figure that has its very pose. */
+  hide(pose: Pose | null, shown: boolean): void {
+    this.group.visible = shown;
+    for (const { ghost, figure } of this.bodies) figure.body.group.visible = pose === null || !same(ghost.pose, pose);
   }
 
   dispose(): void {
     for (const { figure } of this.bodies.splice(0)) figure.dispose();
   }
+}
+
+function same(a: Pose, b: Pose): boolean {
+  return a === b || (a.length === b.length && a.every((value, i) => Math.abs(value - b[i]) < 1e-4));
 }

@@ -2,6 +2,9 @@
 
 import * as THREE from "three";
 
+/** Where a ghost stands in the figure, the figure is seen. */
+const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1.5, polygonOffsetUnits: 4 };
+
 /** Matte, with its colour from the vertices. */
 export function bodyMaterial(): THREE.MeshStandardMaterial {
   return new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82, metalness: 0 });
@@ -9,12 +12,12 @@ export function bodyMaterial(): THREE.MeshStandardMaterial {
 
 /** Writes depth alone, so that only a translucent figure's outer surface shows. */
 export function depthMaterial(): THREE.MeshBasicMaterial {
-  return new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true });
+  return new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true, ...BEHIND });
 }
 
 /** Translucent, and denser where the surface turns away: the silhouette reads, what lies behind it stays seen. */
 export function ghostMaterial(): THREE.MeshLambertMaterial {
-  const material = new THREE.MeshLambertMaterial({ transparent: true, depthWrite: false });
+  const material = new THREE.MeshLambertMaterial({ transparent: true, depthWrite: false, ...BEHIND });
   material.onBeforeCompile = (shader) => {
     shader.fragmentShader = shader.fragmentShader.replace(
       "#include <opaque_fragment>",

@@ -15,11 +15,12 @@ export interface Palette {
   readonly left: string;
   readonly right: string;
   readonly sideTint: number;
-  /** Lights: from above, from below, the lamp and the light from behind. */
+  /** Lights: from above, from below, the lamp, from the eye, and from behind. */
   readonly above: string;
   readonly below: string;
   readonly ambient: number;
   readonly lamp: number;
+  readonly fill: number;
   readonly rim: number;
   /** Chosen things, start and target, warnings. */
   readonly accent: string;
@@ -44,15 +45,16 @@ const light: Palette = {
   grid: "#7d8798",
   shadow: "#1d2433",
   shadowStrength: 0.26,
-  body: "#d3d6dc",
+  body: "#dcdee3",
   left: "#4c7dff",
   right: "#f0833a",
   sideTint: 0.2,
   above: "#ffffff",
-  below: "#c9d0dc",
+  below: "#b9c0cd",
   ambient: 1.75,
-  lamp: 2.1,
-  rim: 0.8,
+  lamp: 2.3,
+  fill: 0.85,
+  rim: 0.9,
   accent: "#2f63e6",
   target: "#d9641a",
   warning: "#d98a00",
@@ -78,9 +80,10 @@ const dark: Palette = {
   sideTint: 0.22,
   above: "#e8eeff",
   below: "#39414f",
-  ambient: 1.05,
-  lamp: 2.15,
-  rim: 1.7,
+  ambient: 1.0,
+  lamp: 2.1,
+  fill: 0.6,
+  rim: 2.4,
   accent: "#7ba0ff",
   target: "#ff9a57",
   warning: "#ffb938",

@@ -9,6 +9,8 @@ const WITHOUT_WEBGL =
   "This browser cannot draw in three dimensions, because WebGL is missing or switched off. " +
   "Switch on hardware acceleration in its settings, or open the studio in another browser.";
 const SHADOW_REACH = 1.9;
+/** Of the picture's edge around what is framed. */
+const MARGIN = 1.16;
 
 export class Stage {
   readonly scene = new THREE.Scene();
@@ -23,6 +25,7 @@ export class Stage {
   private readonly ground = new Ground();
   private readonly sky = new THREE.HemisphereLight();
   private readonly lamp = new THREE.DirectionalLight();
+  private readonly fill = new THREE.DirectionalLight();
   private readonly rim = new THREE.DirectionalLight();
   private readonly follows = new THREE.Vector3();
   private following = false;
@@ -43,7 +46,7 @@ export class Stage {
     this.lamp.shadow.bias = -0.0004;
     this.lamp.shadow.normalBias = 0.022;
     this.lamp.shadow.radius = 3.2;
-    this.scene.add(this.ground.group, this.sky, this.lamp, this.lamp.target, this.rim, this.rim.target);
+    this.scene.add(this.ground.group, this.sky, this.lamp, this.lamp.target, this.fill, this.fill.target, this.rim, this.rim.target);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.enableDamping = false;
     this.orbit.maxPolarAngle = Math.PI / 2 + 0.1;
@@ -71,6 +74,7 @@ export class Stage {
     this.sky.groundColor.set(palette.below);
     this.sky.intensity = palette.ambient;
     this.lamp.intensity = palette.lamp;
+    this.fill.intensity = palette.fill;
     this.rim.intensity = palette.rim;
     this.draw();
   }
@@ -91,7 +95,7 @@ export class Stage {
   light(root: THREE.Vector3, size: number): void {
     const reach = SHADOW_REACH * size;
     this.lamp.target.position.set(root.x, 0.5 * size, root.z);
-    this.lamp.position.copy(this.lamp.target.position).add(new THREE.Vector3(1.6, 4.2, 2.4).multiplyScalar(size));
+    this.lamp.position.copy(this.lamp.target.position).add(new THREE.Vector3(-1.3, 4.3, 3.0).multiplyScalar(size));
     const box = this.lamp.shadow.camera;
     box.left = box.bottom = -reach;
     box.right = box.top = reach;
@@ -108,16 +112,23 @@ export class Stage {
     this.draw();
   }
 
-  /** Looks at all of a box from where the camera is, or from `from`. */
-  frame(box: THREE.Box3, from?: THREE.Vector3): void {
+  /** Moves until all points are in view, looking from where the camera is, or along `from`. */
+  frame(points: readonly THREE.Vector3[], from?: THREE.Vector3): void {
+    const box = new THREE.Box3().setFromPoints([...points]);
     if (box.isEmpty()) return;
     const centre = box.getCenter(new THREE.Vector3());
-    const radius = 0.5 * box.getSize(new THREE.Vector3()).length();
-    const way = (from ?? this.camera.position.clone().sub(this.orbit.target)).normalize();
-    const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
-    const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
+    const back = (from ?? this.camera.position.clone().sub(this.orbit.target)).normalize();
+    const right = new THREE.Vector3(0, 1, 0).cross(back).normalize();
+    const up = back.clone().cross(right);
+    const tall = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) / MARGIN;
+    const wide = tall * this.camera.aspect;
+    let distance = 1;
+    for (const point of points) {
+      const p = point.clone().sub(centre);
+      distance = Math.max(distance, p.dot(back) + Math.max(Math.abs(p.dot(right)) / wide, Math.abs(p.dot(up)) / tall));
+    }
     this.orbit.target.copy(centre);
-    this.camera.position.copy(centre).addScaledVector(way, (1.02 * radius) / Math.sin(narrow));
+    this.camera.position.copy(centre).addScaledVector(back, distance);
     this.orbit.update();
     this.draw();
   }
@@ -150,11 +161,20 @@ export class Stage {
     if (this.following) this.catchUp(seconds);
     this.before();
     this.ground.look(this.orbit.target, this.camera.position.distanceTo(this.orbit.target));
-    const back = this.camera.position.clone().sub(this.orbit.target).setY(0).normalize();
-    this.rim.target.position.copy(this.orbit.target);
-    this.rim.position.copy(this.orbit.target).addScaledVector(back, -3).add(new THREE.Vector3(-1.2 * back.z, 3, 1.2 * back.x));
+    this.lightView();
     this.renderer.render(this.scene, this.camera);
   };
+
+  /** One light goes along with the camera, so that no side is dull, and one stands behind what it looks at. */
+  private lightView(): void {
+    const { target } = this.orbit;
+    const back = this.camera.position.clone().sub(target).setY(0).normalize();
+    const left = new THREE.Vector3(-back.z, 0, back.x);
+    this.fill.target.position.copy(target);
+    this.fill.position.copy(target).addScaledVector(back, 3).addScaledVector(left, 1.2).setY(target.y + 1.4);
+    this.rim.target.position.copy(target);
+    this.rim.position.copy(target).addScaledVector(back, -3).addScaledVector(left, -1.6).setY(target.y + 2.6);
+  }
 
   private catchUp(seconds: number): void {
     const away = this.follows.clone().sub(this.orbit.target).setY(0);

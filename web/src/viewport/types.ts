@@ -48,6 +48,8 @@ export interface View {
   readonly spread: "overlaid" | "side by side";
   readonly ways: readonly WayView[];
   readonly line: LineView | null;
+  /** Between which places the tool draw may make a line where there is none yet; else those of the candidates. */
+  readonly ends?: Pick<LineView, "from" | "to"> | null;
   /** rotate, reach and place change `pose` by gizmos (only where `editable`); draw draws a line on the ground. */
   readonly tool: Tool;
   readonly editable: boolean;
@@ -66,7 +68,10 @@ export interface Events {
   pickCandidate(index: number): void;
   pickWay(index: number): void;
   pickJoint(joint: number | null): void;
-  /** `pose` as it is being changed by a gizmo or by inverse kinematics. */
+  /**
+   * `pose` as it is being changed by a gizmo or by inverse kinematics; begins once the pointer has moved. Escape during a
+   * drag ends it with the pose that it began with.
+   */
   changePose(pose: Pose, phase: Phase): void;
   /** The line's control points as they are dragged, added (double click) or removed (delete), or a new line drawn. */
   changeLine(points: (readonly [number, number])[], phase: Phase): void;

@@ -1,53 +1,93 @@
 /** The picture of the motion: told by `update` what to show, it tells by events what was done in it. */
 
 import * as THREE from "three";
-import { forward } from "../pose/kinematics";
 import type { Pose, Rig } from "../rig";
 import { Body, bodyGeometry, paint, sortGhosts } from "./body";
+import { Candidates } from "./candidates";
+import { allPoints, bestSide, figurePoints } from "./contents";
+import { Figures } from "./figures";
+import { Footing } from "./footing";
 import { Ghosts } from "./ghosts";
+import { Labels } from "./labels";
+import { LineEditor, type Ends } from "./line";
 import { bodyMaterial } from "./materials";
 import { palettes, type Palette } from "./palette";
+import { hitBones, type Pointer, type Project } from "./pick";
+import { Placing } from "./placing";
+import { Pointing } from "./pointing";
+import { Reaching } from "./reaching";
+import { Rotating } from "./rotating";
 import { Stage } from "./stage";
 import { Trails } from "./trails";
-import type { Events, View } from "./types";
+import type { Events, Phase, View } from "./types";
+import { Ways } from "./ways";
 
 export class Viewport {
   private readonly stage: Stage;
   private readonly material = bodyMaterial();
   private readonly ghosts = new Ghosts();
   private readonly trails = new Trails();
+  private readonly footing = new Footing();
+  private readonly candidates = new Candidates();
+  private readonly labels = new Labels();
+  private readonly ways: Ways;
+  private readonly line: LineEditor;
+  private readonly rotating: Rotating;
+  private readonly reaching: Reaching;
+  private readonly placing: Placing;
+  private readonly pointing: Pointing;
   private geometry: THREE.BufferGeometry | null = null;
   private body: Body | null = null;
   private view: View | null = null;
+  /** The pose as it is being dragged, and the one that the figure has. */
+  private edited: Pose | null = null;
+  private shown: Pose | null = null;
 
   /** Throws an Error with a sentence for the user where the browser has no WebGL. */
   constructor(
     canvas: HTMLCanvasElement,
     private readonly events: Events,
   ) {
-    this.stage = new Stage(canvas);
-    this.stage.scene.add(this.trails.group, this.ghosts.group);
-    this.stage.before = () => this.before();
-    void this.events;
+    const stage = (this.stage = new Stage(canvas));
+    const project: Project = (point) => stage.project(point);
+    const change = (pose: Pose, phase: Phase): void => this.change(pose, phase);
+    this.ways = new Ways(project, (index) => events.pickWay(index));
+    this.line = new LineEditor(project, (points, phase) => events.changeLine([...points], phase));
+    this.rotating = new Rotating(stage.camera, project, (joint) => events.pickJoint(joint), change);
+    this.reaching = new Reaching(stage.camera, project, change);
+    this.placing = new Placing(change, (at) => this.touched(at));
+    const look = (): void => this.look();
+    const figures = new Figures(this.ghosts, this.candidates, () => this.body, () => this.view, project, events, look);
+    const layers = [this.rotating, this.reaching, this.line, this.placing, figures, this.ways];
+    this.pointing = new Pointing(stage, layers, () => this.missed());
+    for (const part of [this.footing, this.trails, this.ghosts, this.candidates, ...layers, this.labels]) {
+      if ("group" in part) stage.scene.add(part.group);
+    }
+    stage.before = () => this.before();
   }
 
   update(view: View): void {
     const had = this.view;
     this.view = view;
-    const palette = this.palette;
-    const painted = had?.theme !== view.theme;
-    if (painted) this.stage.paint(palette);
+    const { palette } = this;
     const rigged = had?.rig !== view.rig;
-    if (rigged) this.change(view.rig);
+    const painted = had?.theme !== view.theme;
+    if (rigged || had?.tool !== view.tool || had.editable !== view.editable) this.pointing.reset();
+    if (painted) this.stage.paint(palette);
+    if (rigged) this.rig(view.rig);
     if (this.geometry && view.rig && (rigged || painted)) paint(this.geometry, view.rig, palette);
-    if (this.body && view.pose && (rigged || had?.pose !== view.pose)) this.pose(view.pose);
-    if (this.body) this.body.group.visible = view.pose !== null;
+    this.pose();
     if (rigged || painted || had?.ghosts !== view.ghosts) this.ghosts.update(view.rig, this.geometry, view.ghosts, palette);
-    this.ghosts.group.visible = view.show.ghosts;
+    this.ghosts.hide(this.shown, view.show.ghosts);
     this.trails.group.visible = view.show.trails;
     if (view.show.trails) this.trails.update(view.rig, view.motion, view.frame, palette);
-    this.stage.follow(view.follow && this.body && view.pose ? this.body.at(0) : null);
-    if (rigged && view.pose) this.frameAll();
+    this.footing.group.visible = view.show.contacts;
+    if (view.show.contacts) this.footing.update(view.rig, view.motion, view.frame, palette);
+    this.candidates.update(view, this.geometry, palette);
+    this.ways.update(view.ways, palette, view.rig?.size ?? 1);
+    this.line.update(view.line, this.ends(view), view.tool === "draw", palette, view.rig?.size ?? 1);
+    this.tools();
+    if (rigged && view.rig && view.pose) this.stage.frame(allPoints(view), bestSide(view.rig, view.pose));
     this.stage.draw();
   }
 
@@ -56,14 +96,14 @@ export class Viewport {
     this.stage.resize();
   }
 
-  /** Looks at all that is shown. */
+  /** Moves the camera until all that is shown is in view. */
   frameAll(): void {
-    this.stage.frame(this.bounds(true));
+    if (this.view) this.stage.frame(allPoints(this.view));
   }
 
-  /** Looks at the figure. */
+  /** Moves the camera to the figure. */
   focus(): void {
-    this.stage.frame(this.bounds(false));
+    if (this.view) this.stage.frame(figurePoints(this.view));
   }
 
   /** Where a point of the world is on the canvas, in CSS pixels. */
@@ -72,23 +112,26 @@ export class Viewport {
   }
 
   dispose(): void {
-    this.change(null);
-    this.ghosts.dispose();
-    this.trails.dispose();
-    this.material.dispose();
-    this.stage.dispose();
+    this.pointing.dispose();
+    this.rig(null);
+    const parts = [this.ghosts, this.trails, this.footing, this.candidates, this.labels];
+    const tools = [this.ways, this.line, this.rotating, this.reaching, this.placing];
+    for (const part of [...parts, ...tools, this.material, this.stage]) part.dispose();
   }
 
   private get palette(): Palette {
     return palettes[this.view?.theme ?? "light"];
   }
 
-  private change(rig: Rig | null): void {
+  private rig(rig: Rig | null): void {
     this.ghosts.dispose();
+    this.candidates.clear();
     this.body?.dispose();
     this.geometry?.dispose();
     this.body = null;
     this.geometry = null;
+    this.shown = null;
+    this.edited = null;
     if (!rig) return;
     this.geometry = bodyGeometry(rig);
     this.body = new Body(rig, this.geometry);
@@ -97,29 +140,86 @@ export class Viewport {
     this.stage.scene.add(this.body.group);
   }
 
-  private pose(pose: Pose): void {
-    if (!this.body) return;
-    this.body.pose(pose);
-    this.stage.light(this.body.at(0), this.body.rig.size);
+  /** The figure takes the pose that is dragged, or else that of the view. */
+  private pose(): void {
+    const { body, view } = this;
+    if (!body || !view) return;
+    const pose = this.edited ?? view.pose;
+    body.group.visible = pose !== null;
+    if (pose && pose !== this.shown) {
+      body.pose(pose);
+      this.stage.light(body.at(0), body.rig.size);
+    }
+    this.shown = pose;
+    this.stage.follow(view.follow && pose && !this.pointing.dragging ? body.at(0) : null);
   }
 
-  private bounds(all: boolean): THREE.Box3 {
-    const box = new THREE.Box3();
-    const { view } = this;
-    if (!view?.rig) return box;
-    const poses = [view.pose, ...(all ? view.ghosts.map((ghost) => ghost.pose) : [])];
-    const point = new THREE.Vector3();
-    for (const pose of poses) {
-      if (!pose) continue;
-      const { positions } = forward(view.rig, pose);
-      for (let i = 0; i < positions.length; i += 3) box.expandByPoint(point.fromArray(positions, i));
+  private change(pose: Pose, phase: Phase): void {
+    this.edited = phase === "end" ? null : pose;
+    const { body } = this;
+    if (body) {
+      body.pose(pose);
+      this.shown = pose;
+      this.tools();
     }
-    return box.expandByScalar(0.12 * view.rig.size);
+    this.events.changePose(pose, phase);
+    this.stage.draw();
+  }
+
+  /** Gives each tool what it works on; those that are not in use get nothing. */
+  private tools(): void {
+    const { view, palette } = this;
+    if (!view) return;
+    const usable = view.editable && view.rig && this.shown ? view.rig : null;
+    const pose = this.shown;
+    this.rotating.update(view.tool === "rotate" ? usable : null, pose, view.joint, palette);
+    this.reaching.update(view.tool === "reach" ? usable : null, pose, palette);
+    this.placing.update(view.tool === "place" ? usable : null, pose, palette);
+  }
+
+  /** Between which places a line may be drawn where there is none yet. */
+  private ends(view: View): Ends | null {
+    if (view.ends) return view.ends;
+    const held = view.candidates.find(({ chosen }) => chosen) ?? view.candidates[0];
+    if (!held || !view.rig) return null;
+    const last = (held.frames - 1) * view.rig.stride;
+    return { from: [held.rows[0], held.rows[2]], to: [held.rows[last], held.rows[last + 2]] };
+  }
+
+  private touched(at: Pointer): THREE.Vector3 | null {
+    const { body } = this;
+    if (!body?.group.visible) return null;
+    const size = body.rig.size;
+    return hitBones(body.rig.parents, body.globals, body.group.position, at.ray, 0.09 * size)?.point ?? null;
+  }
+
+  private missed(): void {
+    const { view } = this;
+    if (view?.tool === "rotate" && view.joint !== null) this.events.pickJoint(null);
+  }
+
+  private look(): void {
+    const { view, palette } = this;
+    if (!view) return;
+    this.ghosts.look(palette);
+    this.candidates.look(view.candidates, view.spread, palette);
   }
 
   private before(): void {
+    const { view, palette } = this;
     const { width, height, ratio, camera } = this.stage;
     this.trails.screen(width, height, ratio);
-    sortGhosts(this.ghosts.bodies.map(({ figure }) => figure), camera);
+    this.candidates.screen(width, height);
+    this.ways.screen(width, height);
+    this.line.screen(width, height, ratio);
+    this.reaching.screen(ratio);
+    this.placing.screen(width, height);
+    this.rotating.draw(height, width, ratio);
+    sortGhosts([...this.ghosts.bodies, ...this.candidates.figures].map(({ figure }) => figure), camera);
+    if (!view) return;
+    const numbers = this.candidates.labels(view, view.pose ? this.body : null, palette);
+    const named = [this.ways, this.rotating, this.reaching, this.placing].flatMap((part) => part.labels());
+    this.labels.set([...numbers, ...named], palette, ratio);
+    this.labels.screen(height, camera);
   }
 }

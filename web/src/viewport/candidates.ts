@@ -1,0 +1,131 @@
+/** The other candidates of a gap as translucent figures, and the ways of all on the ground. */
+
+import * as THREE from "three";
+import { tracks } from "../pose/kinematics";
+import { row, type Rig } from "../rig";
+import { GhostBody, type Body } from "./body";
+import { LIFT } from "./decals";
+import type { Label } from "./labels";
+import type { Palette } from "./palette";
+import { Ribbons, type RibbonLine } from "./ribbons";
+import type { CandidateView, View } from "./types";
+
+/** Between neighbours that stand side by side, for a figure whose hips are a metre high. */
+const APART = 1.25;
+
+export class Candidates {
+  readonly group = new THREE.Group();
+  /** The figures, with the place of each in the list of candidates. */
+  figures: { readonly index: number; readonly figure: GhostBody }[] = [];
+  /** Each candidate's way on the ground, as it is drawn. */
+  ways: THREE.Vector3[][] = [];
+  hovered: number | null = null;
+  private readonly lines = new Ribbons(21);
+  private shown: Pick<View, "rig" | "candidates" | "spread"> & { palette: Palette } | null = null;
+  private poses: (Float32Array | null)[] = [];
+
+  constructor() {
+    this.group.add(this.lines.mesh);
+  }
+
+  update(view: View, geometry: THREE.BufferGeometry | null, palette: Palette): void {
+    const { rig, candidates, spread, show } = view;
+    const wanted = rig && geometry && show.others ? candidates.flatMap(({ chosen }, index) => (chosen ? [] : [index])) : [];
+    for (const { figure } of this.figures.splice(wanted.length)) figure.dispose();
+    this.figures = wanted.map((index, i) => {
+      const figure = this.figures[i]?.figure ?? new GhostBody(rig!, geometry!);
+      if (!this.figures[i]) this.group.add(figure.body.group);
+      return { index, figure };
+    });
+    this.poses.length = wanted.length;
+    const same = this.shown?.rig === rig && this.shown.candidates === candidates && this.shown.spread === spread && this.shown.palette === palette;
+    if (!same && rig) this.lay(rig, candidates, spread, palette);
+    this.figures.forEach(({ index, figure }, i) => {
+      const { rows, frames } = candidates[index];
+      const pose = row(rows, rig!.stride, Math.max(0, Math.min(frames - 1, Math.round(view.candidateFrame))));
+      const had = this.poses[i];
+      if (had?.buffer !== pose.buffer || had.byteOffset !== pose.byteOffset) figure.body.pose(pose);
+      this.poses[i] = pose;
+      figure.body.group.position.copy(shiftOf(rig!, candidates, spread, index));
+    });
+    this.shown = { rig, candidates, spread, palette };
+    this.look(candidates, spread, palette);
+    this.lines.mesh.visible = candidates.length > 0 && rig !== null;
+  }
+
+  look(candidates: readonly CandidateView[], spread: View["spread"], palette: Palette): void {
+    for (const { index, figure } of this.figures) {
+      const strong = index === this.hovered;
+      const base = spread === "side by side" ? 0.72 : 0.3;
+      figure.look(hueOf(candidates, index, palette), strong ? Math.min(1, base + 0.25) : base);
+    }
+  }
+
+  /** Numbers over the figures, as the panel counts them; `own` is the figure of the chosen one. */
+  labels(view: View, own: Body | null, palette: Palette): Label[] {
+    const beside = view.spread === "side by side" && this.figures.length > 0;
+    const others = this.figures.filter(({ index }) => beside || index === this.hovered);
+    const made = others.map(({ index, figure }) => this.label(view.candidates, index, figure.body, palette));
+    const chosen = view.candidates.findIndex((candidate) => candidate.chosen);
+    return beside && own && chosen >= 0 ? [...made, this.label(view.candidates, chosen, own, palette)] : made;
+  }
+
+  screen(width: number, height: number): void {
+    this.lines.screen(width, height);
+  }
+
+  clear(): void {
+    for (const { figure } of this.figures.splice(0)) figure.dispose();
+    this.poses = [];
+    this.shown = null;
+    this.ways = [];
+    this.lines.set([]);
+  }
+
+  dispose(): void {
+    this.clear();
+    this.lines.dispose();
+  }
+
+  private label(candidates: readonly CandidateView[], index: number, body: Body, palette: Palette): Label {
+    const { positions } = body.globals;
+    let top = 0;
+    for (let i = 1; i < positions.length; i += 3) top = Math.max(top, positions[i]);
+    const head = body.rig.humanoid.Head;
+    const place = body.at(head ?? 0).setY(top + (head === undefined ? 0.05 : 0.17) * body.rig.size);
+    const strong = index === this.hovered || candidates[index].chosen;
+    return { text: String(index + 1), place, colour: hueOf(candidates, index, palette), strong };
+  }
+
+  private lay(rig: Rig, candidates: readonly CandidateView[], spread: View["spread"], palette: Palette): void {
+    this.ways = candidates.map(({ rows, frames }, index) => {
+      const shift = shiftOf(rig, candidates, spread, index);
+      const places = tracks(rig, rows, rig.stride, [rig.humanoid.Hips ?? 0], 0, frames);
+      return Array.from({ length: frames }, (_, i) => new THREE.Vector3(places[3 * i] + shift.x, LIFT, places[3 * i + 2] + shift.z));
+    });
+    const lines = candidates.map(({ chosen }, index): RibbonLine => ({
+      points: this.ways[index].map(({ x, z }) => ({ x, y: chosen ? LIFT + 0.004 : LIFT + 0.002, z })),
+      colour: chosen ? palette.accent : hueOf(candidates, index, palette),
+      width: chosen ? 4 : 2,
+      opacity: chosen ? 0.95 : 0.6,
+    }));
+    this.lines.set([...lines.filter((_, i) => !candidates[i].chosen), ...lines.filter((_, i) => candidates[i].chosen)]);
+  }
+}
+
+/** The colour of a candidate: the chosen has the accent, each other one its own. */
+export function hueOf(candidates: readonly CandidateView[], index: number, palette: Palette): string {
+  return candidates[index].chosen ? palette.accent : palette.hues[index % palette.hues.length];
+}
+
+/** Side by side, candidates stand across their common way, in their order, with the chosen one in place. */
+export function shiftOf(rig: Rig, candidates: readonly CandidateView[], spread: View["spread"], index: number): THREE.Vector3 {
+  const chosen = Math.max(0, candidates.findIndex((candidate) => candidate.chosen));
+  if (spread === "overlaid" || index === chosen) return new THREE.Vector3();
+  const { rows, frames } = candidates[chosen];
+  const last = (frames - 1) * rig.stride;
+  const [x, z] = [rows[last] - rows[0], rows[last + 2] - rows[2]];
+  const long = Math.hypot(x, z);
+  const across = long > 0.2 * rig.size ? new THREE.Vector3(-z / long, 0, x / long) : new THREE.Vector3(1, 0, 0);
+  return across.multiplyScalar((index - chosen) * APART * rig.size);
+}
