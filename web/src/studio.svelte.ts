@@ -68,10 +68,7 @@ export class Studio {
   constructor(url: string) {
     this.generator = new Generator(
       (question, arrays) => this.ask(question, arrays),
-      () => {
-        this.revision++;
-        this.sync();
-      },
+      () => this.sync(),
     );
     this.socket = new Connection(url, {
       state: (state, reason) => this.connected(state, reason),
@@ -124,11 +121,11 @@ export class Studio {
     this.settling = undefined;
     if (merge === null) this.sync();
     else {
-      this.generator.sync(next, this.rig as Rig, true);
       this.settling = setTimeout(() => {
         this.settling = undefined;
         this.sync();
       }, SETTLE_MS);
+      this.sync();
     }
   }
 
@@ -207,7 +204,7 @@ export class Studio {
     const gap = this.selectedGap;
     if (!gap || gap.settings.method === "clip") return;
     const result = this.generator.result(gap.id);
-    if (result?.partial && !gap.settings.locked) this.generator.refresh(gap.id);
+    if (result?.partial && !gap.settings.locked) this.retry(gap.id);
     if (gap.settings.method !== "interp") void this.suggest(gap);
   }
 
@@ -356,6 +353,7 @@ export class Studio {
 
   retry(id: string): void {
     this.generator.refresh(id);
+    this.revision++;
   }
 
   /** Ways of the gallery for a gap, onto the ground to pick from. */
@@ -467,7 +465,9 @@ export class Studio {
   }
 
   private sync(): void {
-    if (this.document && this.rig) this.generator.sync(this.document, this.rig, this.settling !== undefined);
+    if (!this.document || !this.rig) return;
+    this.generator.sync(this.document, this.rig, this.settling !== undefined);
+    this.revision++;
   }
 
   private keepSelection(): void {

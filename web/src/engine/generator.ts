@@ -8,7 +8,7 @@
  */
 
 import type { Document, Gap } from "../document/document";
-import { gapsOf } from "../document/document";
+import { gapOf, gapsOf } from "../document/document";
 import type { CandidateInfo, Candidates, Dropped, GapSettings, Generate } from "../protocol";
 import type { Pose, Rig } from "../rig";
 import type { Answer, Question } from "../server/connection";
@@ -64,7 +64,7 @@ export class Generator {
 
   constructor(
     private readonly ask: Ask,
-    /** Called after anything here changed: what is shown, or a state. */
+    /** Called after an answer changed anything here: what is shown, or a state. */
     private readonly changed: () => void,
   ) {}
 
@@ -202,7 +202,6 @@ export class Generator {
       seed: settings.seed,
       live,
     };
-    this.changed();
     this.ask(question, ends)
       .then(({ header, arrays }) => {
         if (header.type === "dropped") return;
@@ -247,7 +246,10 @@ export class Generator {
 
   private signature(gap: Gap): string {
     const { chosen: _chosen, locked: _locked, speed: _speed, ...asked } = gap.settings satisfies GapSettings;
-    return JSON.stringify([asked, gap.frames, this.poseId(gap.left.pose), this.poseId(gap.right.pose)]);
+    // Where the clip's own motion follows, the gap is made to run into it; a gap that was locked followed this one anyway.
+    const later = this.gap(gap.right.id);
+    const runsInto = later?.settings.method === "clip" ? later.left.source : null;
+    return JSON.stringify([asked, gap.frames, this.poseId(gap.left.pose), this.poseId(gap.right.pose), runsInto]);
   }
 
   private poseId(pose: Pose): number {
@@ -257,7 +259,7 @@ export class Generator {
   }
 
   private gap(id: string): Gap | null {
-    return gapsOf(this.document!).find((gap) => gap.id === id) ?? null;
+    return gapOf(this.document!, id);
   }
 
   private entry(id: string): Entry {
@@ -276,7 +278,7 @@ function isGenerated(gap: Gap): boolean {
 }
 
 function same(a: Want, b: Want): boolean {
-  return a.signature === b.signature && alike(a.before, b.before) && alike(a.after, b.after);
+  return a.signature === b.signature && alike(a.before, b.before);
 }
 
 function joined(a: Float32Array, b: Float32Array): Float32Array {
