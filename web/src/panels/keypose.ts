@@ -41,17 +41,17 @@ export function withAngle(pose: Pose, joint: number, axis: Axis, value: number):
   return made;
 }
 
-/** Joints in the order of their tree, with how deep each lies. */
-export function jointTree(rig: Pick<Rig, "joints" | "parents">): { joint: number; name: string; depth: number }[] {
+/** Joints in the order of their tree. */
+export function jointTree(rig: Pick<Rig, "joints" | "parents">): { joint: number; name: string }[] {
   const children = new Map<number, number[]>();
   rig.parents.forEach((parent, joint) => children.set(parent, [...(children.get(parent) ?? []), joint]));
-  const made: { joint: number; name: string; depth: number }[] = [];
-  const visit = (joint: number, depth: number) => {
-    made.push({ joint, name: rig.joints[joint], depth });
-    for (const child of children.get(joint) ?? []) visit(child, depth + 1);
+  const made: { joint: number; name: string }[] = [];
+  const visit = (joint: number) => {
+    made.push({ joint, name: rig.joints[joint] });
+    for (const child of children.get(joint) ?? []) visit(child);
   };
   rig.parents.forEach((parent, joint) => {
-    if (parent < 0) visit(joint, 0);
+    if (parent < 0) visit(joint);
   });
   return made;
 }

@@ -20,7 +20,7 @@ export const STEPS: readonly Step[] = [
   {
     target: "gap",
     title: "Say how it should move",
-    text: "Click a bar on the timeline. Then choose its style, its speed, its path on the ground, and the candidate that you like best.",
+    text: "Click a bar on the timeline, and its gap shows here: choose its style, its speed, its path on the ground, and the candidate that you like best.",
   },
   {
     target: "export",
@@ -40,7 +40,7 @@ interface Box extends Size {
 
 const AWAY = 16;
 
-/** Beside the target where there is room: below, above, left, right; else in its middle. */
+/** Beside the target where there is room: below, left, above; else in its own corner. */
 export function cardPlace(target: Box | null, card: Size, window: Size): { left: number; top: number } {
   const fit = (value: number, size: number, room: number) => Math.max(AWAY, Math.min(room - size - AWAY, value));
   if (!target) return { left: (window.width - card.width) / 2, top: (window.height - card.height) / 2 };
@@ -49,8 +49,9 @@ export function cardPlace(target: Box | null, card: Size, window: Size): { left:
     left: fit(left + width / 2 - card.width / 2, card.width, window.width),
     top: fit(top + height / 2 - card.height / 2, card.height, window.height),
   };
+  const corner = { left: left + 2 * AWAY, top: top + height - card.height - 2 * AWAY };
   if (top + height + AWAY + card.height + AWAY <= window.height) return { left: middle.left, top: top + height + AWAY };
   if (width < window.width / 2 && left - AWAY - card.width >= AWAY) return { left: left - AWAY - card.width, top: middle.top };
   if (top - AWAY - card.height >= AWAY) return { left: middle.left, top: top - AWAY - card.height };
-  return middle;
+  return corner;
 }
