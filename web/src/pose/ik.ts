@@ -2,7 +2,7 @@
 
 import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
-import { forward, hangsOn, localRotation, placeAt, placeOf, rotationAt, type Globals, type Skeleton, type Triple } from "./kinematics";
+import { forward, hangsOn, hipsOf, localRotation, placeAt, placeOf, rotationAt, type Globals, type Skeleton, type Triple } from "./kinematics";
 
 /** Three joints, each somewhere below the one before; others, such as twist bones, may lie between. */
 export interface Limb {
@@ -85,7 +85,7 @@ export function turnMiddle(rig: Body, pose: Pose, limb: Limb, toward: Triple): P
 /** A copy of the pose whose root moves so that the hips are at `target`, with both feet where and as they were. */
 export function moveHips(rig: Body, pose: Pose, target: Triple): Pose {
   const before = forward(rig, pose);
-  const at = placeOf(before, rig.humanoid.Hips ?? 0);
+  const at = placeOf(before, hipsOf(rig));
   let moved = shifted(rig, pose, [target[0] - at[0], target[1] - at[1], target[2] - at[2]]);
   for (const name of ["LeftLeg", "RightLeg"] as const) {
     const limb = limbOf(rig, name);

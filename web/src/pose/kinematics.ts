@@ -111,6 +111,17 @@ export function localRotation(
   ];
 }
 
+/** The joint that a figure is about: its hips, or else its root. Some files keep the root still and move the hips. */
+export function hipsOf(rig: Pick<Rig, "humanoid">): number {
+  return rig.humanoid.Hips ?? 0;
+}
+
+/** Whether a joint is above the hips, and so no part of the body. */
+export function aboveHips(rig: Pick<Rig, "humanoid" | "parents">, joint: number): boolean {
+  const hips = hipsOf(rig);
+  return joint !== hips && hangsOn(rig, hips, joint);
+}
+
 /** Whether `joint` hangs on `above`, or is it. */
 export function hangsOn(rig: Pick<Rig, "parents">, joint: number, above: number): boolean {
   let at = joint;

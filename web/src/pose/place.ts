@@ -3,7 +3,7 @@
 import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
 import { shifted, turnOf, withTurn } from "./ik";
-import { forward, placeOf, type Skeleton } from "./kinematics";
+import { forward, hipsOf, placeOf, type Skeleton } from "./kinematics";
 
 type Body = Skeleton & Pick<Rig, "humanoid">;
 
@@ -11,7 +11,7 @@ const UP = new Vector3(0, 1, 0);
 
 /** The ground under the hips: x and z. */
 export function groundOf(rig: Body, pose: Pose): [number, number] {
-  const [x, , z] = placeOf(forward(rig, pose), rig.humanoid.Hips ?? 0);
+  const [x, , z] = placeOf(forward(rig, pose), hipsOf(rig));
   return [x, z];
 }
 

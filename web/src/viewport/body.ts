@@ -1,9 +1,9 @@
 /** Figures of a rig: their common geometry, and one figure in a pose. */
 
 import * as THREE from "three";
-import { forward, type Globals } from "../pose/kinematics";
+import { forward, hipsOf, type Globals } from "../pose/kinematics";
 import type { Pose, Rig } from "../rig";
-import { depthMaterial, ghostMaterial } from "./materials";
+import { depthMaterial, ghostMaterial, keepUnder } from "./materials";
 import type { Palette } from "./palette";
 
 /** The rig's figure as a geometry whose vertices are in the frames of the joints that carry them. */
@@ -91,6 +91,11 @@ export class Body {
     return into.fromArray(this.globals.positions, 3 * joint).add(this.group.position);
   }
 
+  /** Where its hips are. */
+  get middle(): THREE.Vector3 {
+    return this.at(hipsOf(this.rig));
+  }
+
   dispose(): void {
     this.group.removeFromParent();
     this.skeleton.dispose();
@@ -109,9 +114,10 @@ export class GhostBody {
     this.meshes = [this.body.add(this.depth), this.body.add(this.surface)];
   }
 
-  look(colour: string, opacity: number): void {
-    this.surface.color.set(colour).multiplyScalar(0.45);
-    this.surface.emissive.set(colour).multiplyScalar(0.55);
+  /** under: it never covers the figure itself. */
+  look(colour: string, opacity: number, under = false): void {
+    this.surface.color.set(colour);
+    keepUnder(this.surface, under);
     this.surface.opacity = opacity;
   }
 
@@ -129,6 +135,6 @@ export class GhostBody {
 
 /** Puts ghosts in the order in which they have to be drawn. */
 export function sortGhosts(ghosts: readonly GhostBody[], camera: THREE.Camera): void {
-  const far = ghosts.map((ghost) => ({ ghost, distance: ghost.body.at(0).distanceToSquared(camera.position) }));
+  const far = ghosts.map((ghost) => ({ ghost, distance: ghost.body.middle.distanceToSquared(camera.position) }));
   far.sort((a, b) => b.distance - a.distance).forEach(({ ghost }, place) => ghost.order(place));
 }

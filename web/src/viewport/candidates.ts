@@ -1,7 +1,8 @@
 /** The other candidates of a gap as translucent figures, and the ways of all on the ground. */
 
 import * as THREE from "three";
-import { tracks } from "../pose/kinematics";
+import { hipsOf, tracks } from "../pose/kinematics";
+import { groundOf } from "../pose/place";
 import { row, type Rig } from "../rig";
 import { GhostBody, type Body } from "./body";
 import { LIFT } from "./decals";
@@ -57,7 +58,7 @@ export class Candidates {
     for (const { index, figure } of this.figures) {
       const strong = index === this.hovered;
       const base = spread === "side by side" ? 0.72 : 0.3;
-      figure.look(hueOf(candidates, index, palette), strong ? Math.min(1, base + 0.25) : base);
+      figure.look(hueOf(candidates, index, palette), strong ? Math.min(1, base + 0.25) : base, spread === "overlaid");
     }
   }
 
@@ -92,7 +93,7 @@ export class Candidates {
     let top = 0;
     for (let i = 1; i < positions.length; i += 3) top = Math.max(top, positions[i]);
     const head = body.rig.humanoid.Head;
-    const place = body.at(head ?? 0).setY(top + (head === undefined ? 0.05 : 0.17) * body.rig.size);
+    const place = (head === undefined ? body.middle : body.at(head)).setY(top + (head === undefined ? 0.05 : 0.17) * body.rig.size);
     const strong = index === this.hovered || candidates[index].chosen;
     return { text: String(index + 1), place, colour: hueOf(candidates, index, palette), strong };
   }
@@ -100,7 +101,7 @@ export class Candidates {
   private lay(rig: Rig, candidates: readonly CandidateView[], spread: View["spread"], palette: Palette): void {
     this.ways = candidates.map(({ rows, frames }, index) => {
       const shift = shiftOf(rig, candidates, spread, index);
-      const places = tracks(rig, rows, rig.stride, [rig.humanoid.Hips ?? 0], 0, frames);
+      const places = tracks(rig, rows, rig.stride, [hipsOf(rig)], 0, frames);
       return Array.from({ length: frames }, (_, i) => new THREE.Vector3(places[3 * i] + shift.x, LIFT, places[3 * i + 2] + shift.z));
     });
     const lines = candidates.map(({ chosen }, index): RibbonLine => ({
@@ -123,8 +124,8 @@ export function shiftOf(rig: Rig, candidates: readonly CandidateView[], spread: 
   const chosen = Math.max(0, candidates.findIndex((candidate) => candidate.chosen));
   if (spread === "overlaid" || index === chosen) return new THREE.Vector3();
   const { rows, frames } = candidates[chosen];
-  const last = (frames - 1) * rig.stride;
-  const [x, z] = [rows[last] - rows[0], rows[last + 2] - rows[2]];
+  const [from, to] = [0, frames - 1].map((frame) => groundOf(rig, row(rows, rig.stride, frame)));
+  const [x, z] = [to[0] - from[0], to[1] - from[1]];
   const long = Math.hypot(x, z);
   const across = long > 0.2 * rig.size ? new THREE.Vector3(-z / long, 0, x / long) : new THREE.Vector3(1, 0, 0);
   return across.multiplyScalar((index - chosen) * APART * rig.size);

@@ -1,7 +1,7 @@
 /** What a view shows, as points: for the camera to frame. */
 
 import { Vector3 } from "three";
-import { forward } from "../pose/kinematics";
+import { aboveHips, forward } from "../pose/kinematics";
 import { headingOf } from "../pose/place";
 import type { Pose, Rig } from "../rig";
 import { shiftOf } from "./candidates";
@@ -12,11 +12,12 @@ function around(rig: Rig, pose: Pose, shift = new Vector3()): Vector3[] {
   const { positions } = forward(rig, pose);
   const [low, high] = [new Vector3(1, 1, 1).multiplyScalar(Infinity), new Vector3(1, 1, 1).multiplyScalar(-Infinity)];
   const point = new Vector3();
-  for (let i = 0; i < positions.length; i += 3) {
-    point.fromArray(positions, i);
+  rig.parents.forEach((_, joint) => {
+    if (aboveHips(rig, joint)) return;
+    point.fromArray(positions, 3 * joint);
     low.min(point);
     high.max(point);
-  }
+  });
   const more = 0.12 * rig.size;
   low.subScalar(more).add(shift);
   high.addScalar(more).add(shift);

@@ -26,7 +26,7 @@ export class Figures implements Layer {
     if (!view?.rig) return null;
     const radius = THICK * view.rig.size;
     const touch = (body: Body): ReturnType<typeof hitBones> =>
-      hitBones(body.rig.parents, body.globals, body.group.position, at.ray, radius);
+      hitBones(body.rig, body.globals, body.group.position, at.ray, radius);
     const found: { distance: number; hit: Hit | null }[] = [];
     const own = this.body();
     const onBody = own?.group.visible ? touch(own) : null;

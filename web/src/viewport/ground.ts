@@ -6,22 +6,19 @@ import type { Palette } from "./palette";
 const REACH = 60;
 
 const dome = {
-  vertex: `varying vec3 vWay;
+  vertex: `uniform vec3 sky; uniform vec3 horizon; uniform vec3 ground;
+    varying vec3 vColour;
     void main() {
-      vWay = position;
+      float y = normalize( position ).y;
+      vec3 low = mix( horizon, ground, smoothstep( 0.0, -0.32, y ) );
+      vColour = mix( low, sky, smoothstep( -0.02, 0.4, y ) );
       vec4 p = projectionMatrix * vec4( mat3( viewMatrix ) * position, 1.0 );
       gl_Position = p.xyww;
     }`,
-  fragment: `uniform vec3 sky; uniform vec3 horizon; uniform vec3 ground;
-    varying vec3 vWay;
+  fragment: `varying vec3 vColour;
     float noise( vec2 p ) { return fract( sin( dot( p, vec2( 12.9898, 78.233 ) ) ) * 43758.5453 ); }
     void main() {
-      float y = normalize( vWay ).y;
-      vec3 colour = mix( horizon, ground, smoothstep( 0.0, -0.32, y ) );
-      colour = mix( colour, sky, smoothstep( -0.02, 0.4, y ) );
-      gl_FragColor = vec4( colour, 1.0 );
-      #include <colorspace_fragment>
-      gl_FragColor.rgb += ( noise( gl_FragCoord.xy ) - 0.5 ) / 255.0;
+      gl_FragColor = vec4( vColour + ( noise( gl_FragCoord.xy ) - 0.5 ) / 255.0, 1.0 );
     }`,
 };
 
@@ -46,12 +43,12 @@ const grid = {
       float fade = exp( -2.6 * away * away ) * ( 1.0 - smoothstep( 0.75, 1.0, away ) );
       float slant = abs( normalize( cameraPosition - vPlace ).y );
       fade *= smoothstep( 0.0, 0.16, slant );
+      if ( fade < 0.01 ) discard;
       float fine = lines( vPlace.xz / unit * 5.0, 0.5 ) * 0.1 * exp( -14.0 * away * away );
       float metre = lines( vPlace.xz / unit, 0.6 ) * 0.27;
       float strong = lines( vPlace.xz / unit / 5.0, 0.8 ) * 0.24;
       float alpha = max( max( fine, metre ), metre + strong ) * fade;
       gl_FragColor = vec4( colour, alpha );
-      #include <colorspace_fragment>
     }`,
 };
 
@@ -73,11 +70,11 @@ export class Ground {
     depthWrite: false,
     side: THREE.DoubleSide,
   });
-  private readonly shade = new THREE.ShadowMaterial({ transparent: true, depthWrite: false });
-  private readonly ball = new THREE.SphereGeometry(10, 24, 16);
-  private readonly floor = new THREE.PlaneGeometry(2 * REACH, 2 * REACH).rotateX(-Math.PI / 2);
+  private readonly dark = new THREE.ShadowMaterial({ transparent: true, depthWrite: false });
+  private readonly ball = new THREE.SphereGeometry(10, 12, 48);
+  private readonly floor = new THREE.PlaneGeometry(2, 2).rotateX(-Math.PI / 2);
   private readonly plane = new THREE.Mesh(this.floor, this.lines);
-  private readonly shadow = new THREE.Mesh(this.floor, this.shade);
+  private readonly shadow = new THREE.Mesh(this.floor, this.dark);
 
   constructor() {
     const sky = new THREE.Mesh(this.ball, this.sky);
@@ -90,24 +87,31 @@ export class Ground {
   }
 
   paint(palette: Palette): void {
-    this.sky.uniforms.sky.value.set(palette.sky);
-    this.sky.uniforms.horizon.value.set(palette.horizon);
-    this.sky.uniforms.ground.value.set(palette.ground);
-    this.lines.uniforms.colour.value.set(palette.grid);
-    this.shade.color.set(palette.shadow);
-    this.shade.opacity = palette.shadowStrength;
+    // These shaders write colours as they are on the screen, which spares a conversion for each pixel.
+    const { sky, horizon, ground } = this.sky.uniforms;
+    for (const [to, from] of [[sky, palette.sky], [horizon, palette.horizon], [ground, palette.ground], [this.lines.uniforms.colour, palette.grid]] as const) {
+      to.value.set(from).convertLinearToSRGB();
+    }
+    this.dark.color.set(palette.shadow);
+    this.dark.opacity = palette.shadowStrength;
   }
 
   /** The grid fades around `focus`, farther where the camera is farther. */
   look(focus: THREE.Vector3, distance: number): void {
     this.lines.uniforms.focus.value.copy(focus);
     this.lines.uniforms.reach.value = Math.min(REACH, Math.max(7, 2.2 * distance));
-    this.plane.position.set(Math.round(focus.x), 0, Math.round(focus.z));
-    this.shadow.position.copy(this.plane.position);
+    this.plane.position.set(focus.x, 0, focus.z);
+    this.plane.scale.setScalar(this.lines.uniforms.reach.value);
+  }
+
+  /** Only so much of the ground as can be in the shadow is looked up in its map. */
+  shade(middle: THREE.Vector3, reach: number): void {
+    this.shadow.position.set(middle.x, 0, middle.z);
+    this.shadow.scale.setScalar(reach);
   }
 
   dispose(): void {
-    for (const held of [this.sky, this.lines, this.shade, this.ball, this.floor]) held.dispose();
+    for (const held of [this.sky, this.lines, this.dark, this.ball, this.floor]) held.dispose();
   }
 }
 

@@ -5,26 +5,67 @@ import * as THREE from "three";
 /** Where a ghost stands in the figure, the figure is seen. */
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1.5, polygonOffsetUnits: 4 };
 
+/** Where the figure is seen, in the stencil. */
+const FIGURE = 1;
+
+type Shader = THREE.WebGLProgramParametersWithUniforms;
+
+/** Every vertex of a figure hangs on one joint, so one matrix moves it, not a blend of four. */
+function oneJoint(shader: Shader): void {
+  shader.vertexShader = shader.vertexShader
+    .replace("#include <skinbase_vertex>", "mat4 carrier = getBoneMatrix( skinIndex.x );")
+    .replace("#include <skinnormal_vertex>", "objectNormal = mat3( carrier ) * objectNormal;")
+    .replace("#include <skinning_vertex>", "transformed = ( carrier * vec4( transformed, 1.0 ) ).xyz;");
+}
+
+function withOneJoint<Kind extends THREE.Material>(material: Kind, name: string, more: (shader: Shader) => void = () => {}): Kind {
+  material.onBeforeCompile = (shader) => {
+    oneJoint(shader);
+    more(shader);
+  };
+  material.customProgramCacheKey = () => name;
+  return material;
+}
+
 /** Matte, with its colour from the vertices. */
 export function bodyMaterial(): THREE.MeshStandardMaterial {
-  return new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82, metalness: 0 });
+  const stencil = { stencilWrite: true, stencilRef: FIGURE, stencilZPass: THREE.ReplaceStencilOp };
+  return withOneJoint(new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82, metalness: 0, ...stencil }), "body");
+}
+
+/** For the lamp's shadow of a figure. */
+export function shadowMaterial(): THREE.MeshDepthMaterial {
+  return withOneJoint(new THREE.MeshDepthMaterial(), "shadow");
 }
 
 /** Writes depth alone, so that only a translucent figure's outer surface shows. */
 export function depthMaterial(): THREE.MeshBasicMaterial {
-  return new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true, ...BEHIND });
+  return withOneJoint(new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true, ...BEHIND }), "depth");
 }
 
 /** Translucent, and denser where the surface turns away: the silhouette reads, what lies behind it stays seen. */
-export function ghostMaterial(): THREE.MeshLambertMaterial {
-  const material = new THREE.MeshLambertMaterial({ transparent: true, depthWrite: false, ...BEHIND });
-  material.onBeforeCompile = (shader) => {
-    shader.fragmentShader = shader.fragmentShader.replace(
+export function ghostMaterial(): THREE.MeshBasicMaterial {
+  const material = new THREE.MeshBasicMaterial({ transparent: true, depthWrite: false, toneMapped: false, ...BEHIND });
+  return withOneJoint(material, "ghost", (shader) => {
+    shader.vertexShader = `varying vec2 vTurned;\n${shader.vertexShader}`.replace(
+      "#include <project_vertex>",
+      `#include <project_vertex>
+      vec3 outward = normalize( transformedNormal );
+      vTurned = vec2( dot( normalize( -mvPosition.xyz ), outward ), dot( viewMatrix[ 1 ].xyz, outward ) );`,
+    );
+    shader.fragmentShader = `varying vec2 vTurned;\n${shader.fragmentShader}`.replace(
       "#include <opaque_fragment>",
-      `float facing = abs( dot( normalize( vViewPosition ), normal ) );
-      diffuseColor.a = min( 1.0, diffuseColor.a * ( 0.62 + 1.25 * pow( 1.0 - facing, 2.0 ) ) );
+      `float aside = 1.0 - abs( vTurned.x );
+      outgoingLight *= 0.86 + 0.24 * vTurned.y;
+      diffuseColor.a = min( 1.0, diffuseColor.a * ( 0.66 + 1.1 * aside * aside ) );
       #include <opaque_fragment>`,
     );
-  };
-  return material;
+  });
+}
+
+/** Lets nothing of a translucent figure cover the figure itself, or lets it again. */
+export function keepUnder(material: THREE.Material, under: boolean): void {
+  material.stencilWrite = under;
+  material.stencilRef = FIGURE;
+  material.stencilFunc = THREE.NotEqualStencilFunc;
 }

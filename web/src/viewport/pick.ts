@@ -1,7 +1,8 @@
 /** Where a pointer is near to lines and bodies: plain geometry. */
 
 import { Plane, Ray, Vector3 } from "three";
-import type { Globals } from "../pose/kinematics";
+import { aboveHips, type Globals } from "../pose/kinematics";
+import type { Rig } from "../rig";
 
 export interface Spot {
   readonly x: number;
@@ -37,7 +38,7 @@ export function pixelsToLine(spots: readonly Spot[], x: number, y: number): numb
 
 /** The bone that a ray hits, as if each were `radius` thick: how far away, and its upper joint; null where none. */
 export function hitBones(
-  parents: readonly number[],
+  rig: Pick<Rig, "parents" | "humanoid">,
   globals: Globals,
   shift: Vector3,
   ray: Ray,
@@ -45,8 +46,8 @@ export function hitBones(
 ): { distance: number; joint: number; point: Vector3 } | null {
   const [a, b, onRay, onBone] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
   let best: { distance: number; joint: number; point: Vector3 } | null = null;
-  parents.forEach((parent, joint) => {
-    if (parent < 0) return;
+  rig.parents.forEach((parent, joint) => {
+    if (parent < 0 || aboveHips(rig, parent)) return;
     a.fromArray(globals.positions, 3 * parent).add(shift);
     b.fromArray(globals.positions, 3 * joint).add(shift);
     if (ray.distanceSqToSegment(a, b, onRay, onBone) > radius * radius) return;

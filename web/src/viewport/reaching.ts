@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { LIMBS, limbAt, limbOf, moveHips, reach, shifted, turnMiddle } from "../pose/ik";
-import { forward } from "../pose/kinematics";
+import { forward, hipsOf } from "../pose/kinematics";
 import type { Pose, Rig } from "../rig";
 import { Handles, type Handle } from "./handles";
 import type { Label } from "./labels";
@@ -86,7 +86,7 @@ export class Reaching implements Layer {
 function dots(rig: Rig, pose: Pose, palette: Palette): Handle[] {
   const { positions } = forward(rig, pose);
   const place = (joint: number): THREE.Vector3 => new THREE.Vector3().fromArray(positions, 3 * joint);
-  const hips = rig.humanoid.Hips ?? 0;
+  const hips = hipsOf(rig);
   const made: Handle[] = [{ id: hips, place: place(hips), size: 15, colour: palette.ink, shape: "square" }];
   for (const name of LIMBS) {
     const limb = limbOf(rig, name);

@@ -34,7 +34,7 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     try {
-      this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+      this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, stencil: true, powerPreference: "high-performance" });
     } catch {
       throw new Error(WITHOUT_WEBGL);
     }
@@ -44,7 +44,8 @@ export class Stage {
     this.lamp.castShadow = true;
     this.lamp.shadow.mapSize.set(1024, 1024);
     this.lamp.shadow.bias = -0.0004;
-    this.lamp.shadow.normalBias = 0.022;
+    this.lamp.shadow.normalBias = 0.028;
+    this.lamp.shadow.intensity = 0.7;
     this.lamp.shadow.radius = 3.2;
     this.scene.add(this.ground.group, this.sky, this.lamp, this.lamp.target, this.fill, this.fill.target, this.rim, this.rim.target);
     this.orbit = new OrbitControls(this.camera, canvas);
@@ -96,6 +97,7 @@ export class Stage {
     const reach = SHADOW_REACH * size;
     this.lamp.target.position.set(root.x, 0.5 * size, root.z);
     this.lamp.position.copy(this.lamp.target.position).add(new THREE.Vector3(-1.3, 4.3, 3.0).multiplyScalar(size));
+    this.ground.shade(root, 2.6 * size);
     const box = this.lamp.shadow.camera;
     box.left = box.bottom = -reach;
     box.right = box.top = reach;

@@ -1,6 +1,6 @@
 /** Small drawings of a motion: a few silhouettes along its way, seen from the side. */
 
-import { forward } from "../pose/kinematics";
+import { aboveHips, forward, hipsOf } from "../pose/kinematics";
 import { headingOf } from "../pose/place";
 import { row, type Rig } from "../rig";
 import { palettes, type Palette, type Theme } from "./palette";
@@ -70,7 +70,7 @@ export function drawThumbnail(canvas: HTMLCanvasElement, rig: Rig, rows: Float32
   pen.fillRect(0, Math.round(floor * ratio) / ratio, width, 1 / ratio);
   figures.forEach((spots, i) => {
     const share = figures.length > 1 ? i / (figures.length - 1) : 1;
-    figure(pen, rig, spots, put, scale * rig.size, 0.16 + 0.84 * share * share, palette);
+    figure(pen, rig, spots, put, scale * rig.size, 0.26 + 0.74 * share ** 1.6, palette);
   });
   pen.globalAlpha = 1;
 }
@@ -80,17 +80,19 @@ export function silhouettes(rig: Rig, rows: Float32Array, frames: number): Spot[
   const count = Math.min(FIGURES, frames);
   const chosen = Array.from({ length: count }, (_, i) => (count > 1 ? Math.round((i * (frames - 1)) / (count - 1)) : frames - 1));
   const poses = chosen.map((frame) => row(rows, rig.stride, frame));
-  const [first, last] = [poses[0], poses[poses.length - 1]];
-  const [dx, dz] = [last[0] - first[0], last[2] - first[2]];
+  const placed = poses.map((pose) => forward(rig, pose).positions);
+  const [x0, z0] = [placed[0][3 * hipsOf(rig)], placed[0][3 * hipsOf(rig) + 2]];
+  const last = placed[placed.length - 1];
+  const [dx, dz] = [last[3 * hipsOf(rig)] - x0, last[3 * hipsOf(rig) + 2] - z0];
   const long = Math.hypot(dx, dz);
   const least = APART * rig.size * (count - 1);
-  const heading = long > 0.3 * rig.size ? Math.atan2(dx, dz) : headingOf(rig, first);
+  const heading = long > 0.3 * rig.size ? Math.atan2(dx, dz) : headingOf(rig, poses[0]);
   const [ax, az] = [Math.sin(heading), Math.cos(heading)];
-  return poses.map((pose, i) => {
-    const { positions } = forward(rig, pose);
+  const body = rig.parents.map((_, joint) => (aboveHips(rig, joint) ? hipsOf(rig) : joint));
+  return placed.map((positions, i) => {
     const extra = long < least && count > 1 ? ((least - long) * i) / (count - 1) : 0;
-    return rig.parents.map((_, joint): Spot => {
-      const [x, z] = [positions[3 * joint] - first[0], positions[3 * joint + 2] - first[2]];
+    return body.map((joint): Spot => {
+      const [x, z] = [positions[3 * joint] - x0, positions[3 * joint + 2] - z0];
       return { x: x * ax + z * az + extra, y: positions[3 * joint + 1], near: z * ax - x * az };
     });
   });

@@ -1,7 +1,7 @@
 /** Where hands, feet and root were and will be around the playhead, with a tick a frame. */
 
 import * as THREE from "three";
-import { tracks } from "../pose/kinematics";
+import { hipsOf, tracks } from "../pose/kinematics";
 import type { Rig } from "../rig";
 import { Dots, type Dot } from "./dots";
 import type { Palette } from "./palette";
@@ -22,7 +22,7 @@ export function trailed(rig: Rig): { joint: number; paint: Paint }[] {
     if (joint !== undefined) found.push({ joint, paint });
     return joint !== undefined;
   };
-  found.push({ joint: rig.humanoid.Hips ?? 0, paint: "ink" });
+  found.push({ joint: hipsOf(rig), paint: "ink" });
   for (const side of ["Left", "Right"] as const) {
     const paint = side === "Left" ? "left" : "right";
     add(`${side}Hand`, paint);

@@ -1,7 +1,8 @@
 /** The picture of the motion: told by `update` what to show, it tells by events what was done in it. */
 
 import * as THREE from "three";
-import type { Pose, Rig } from "../rig";
+import { groundOf } from "../pose/place";
+import { row, type Pose, type Rig } from "../rig";
 import { Body, bodyGeometry, paint, sortGhosts } from "./body";
 import { Candidates } from "./candidates";
 import { allPoints, bestSide, figurePoints } from "./contents";
@@ -10,7 +11,7 @@ import { Footing } from "./footing";
 import { Ghosts } from "./ghosts";
 import { Labels } from "./labels";
 import { LineEditor, type Ends } from "./line";
-import { bodyMaterial } from "./materials";
+import { bodyMaterial, shadowMaterial } from "./materials";
 import { palettes, type Palette } from "./palette";
 import { hitBones, type Pointer, type Project } from "./pick";
 import { Placing } from "./placing";
@@ -25,6 +26,7 @@ import { Ways } from "./ways";
 export class Viewport {
   private readonly stage: Stage;
   private readonly material = bodyMaterial();
+  private readonly shadow = shadowMaterial();
   private readonly ghosts = new Ghosts();
   private readonly trails = new Trails();
   private readonly footing = new Footing();
@@ -116,7 +118,7 @@ export class Viewport {
     this.rig(null);
     const parts = [this.ghosts, this.trails, this.footing, this.candidates, this.labels];
     const tools = [this.ways, this.line, this.rotating, this.reaching, this.placing];
-    for (const part of [...parts, ...tools, this.material, this.stage]) part.dispose();
+    for (const part of [...parts, ...tools, this.material, this.shadow, this.stage]) part.dispose();
   }
 
   private get palette(): Palette {
@@ -137,6 +139,7 @@ export class Viewport {
     this.body = new Body(rig, this.geometry);
     const mesh = this.body.add(this.material);
     mesh.castShadow = mesh.receiveShadow = true;
+    mesh.customDepthMaterial = this.shadow;
     this.stage.scene.add(this.body.group);
   }
 
@@ -148,10 +151,10 @@ export class Viewport {
     body.group.visible = pose !== null;
     if (pose && pose !== this.shown) {
       body.pose(pose);
-      this.stage.light(body.at(0), body.rig.size);
+      this.stage.light(body.middle, body.rig.size);
     }
     this.shown = pose;
-    this.stage.follow(view.follow && pose && !this.pointing.dragging ? body.at(0) : null);
+    this.stage.follow(view.follow && pose && !this.pointing.dragging ? body.middle : null);
   }
 
   private change(pose: Pose, phase: Phase): void {
@@ -180,17 +183,18 @@ export class Viewport {
   /** Between which places a line may be drawn where there is none yet. */
   private ends(view: View): Ends | null {
     if (view.ends) return view.ends;
+    const { rig } = view;
     const held = view.candidates.find(({ chosen }) => chosen) ?? view.candidates[0];
-    if (!held || !view.rig) return null;
-    const last = (held.frames - 1) * view.rig.stride;
-    return { from: [held.rows[0], held.rows[2]], to: [held.rows[last], held.rows[last + 2]] };
+    if (!held || !rig) return null;
+    const at = (frame: number): [number, number] => groundOf(rig, row(held.rows, rig.stride, frame));
+    return { from: at(0), to: at(held.frames - 1) };
   }
 
   private touched(at: Pointer): THREE.Vector3 | null {
     const { body } = this;
     if (!body?.group.visible) return null;
     const size = body.rig.size;
-    return hitBones(body.rig.parents, body.globals, body.group.position, at.ray, 0.09 * size)?.point ?? null;
+    return hitBones(body.rig, body.globals, body.group.position, at.ray, 0.09 * size)?.point ?? null;
   }
 
   private missed(): void {
