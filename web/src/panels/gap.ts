@@ -3,7 +3,7 @@
 import type { Gap } from "../document/document";
 import { isAsInClip } from "../document/document";
 import type { Candidate } from "../engine/generator";
-import type { GapSettings, MethodInfo } from "../protocol";
+import type { CandidateInfo, GapSettings, MethodInfo } from "../protocol";
 import type { Rig } from "../rig";
 import type { Segment } from "./Segmented.svelte";
 
@@ -51,6 +51,24 @@ export function pathChoice({ path }: GapSettings): PathChoice {
 
 /** Centimetres a frame above which feet are seen to slide. */
 export const SLIDES = 1;
+
+/** A reason as a sentence of its own. */
+export function sentence(text: string): string {
+  const trimmed = text.trim().replace(/[.\s]+$/, "");
+  return `${trimmed.charAt(0).toUpperCase()}${trimmed.slice(1)}.`;
+}
+
+const INSTEAD: Readonly<Record<CandidateInfo["method"], string>> = {
+  dcmoe: "DC-MoE instead",
+  stitch: "Stitched instead",
+  interp: "Interpolated instead",
+};
+
+/** What could not be served as asked, and what served instead. */
+export function fallbackWords(info: CandidateInfo | null, asked: Method): string | null {
+  if (!info?.fallback) return null;
+  return info.method === asked ? sentence(info.fallback) : `${INSTEAD[info.method]}: ${sentence(info.fallback)}`;
+}
 
 /** A candidate in words, for screen readers. */
 export function candidateLabel({ info }: Candidate, rank: number, chosen: boolean): string {

@@ -94,13 +94,15 @@ export function lowerBound(frames: readonly number[], frame: number): number {
 }
 
 /** Pixels that two diamonds are apart at least, and that a bar is wide at least, to be drawn. */
-export const DIAMOND_PX = 5;
+export const DIAMOND_PX = 10;
 export const BAR_PX = 3;
 
 export interface Shown {
   /** Indices of keys and of gaps (each of its left key). */
   readonly keys: number[];
   readonly gaps: number[];
+  /** Whether keys were left out. */
+  readonly dense: boolean;
 }
 
 /** What is in view of keys at sorted frames. Of keys that lie on one another only some are drawn; those of `always` are. */
@@ -110,16 +112,18 @@ export function shown(frames: readonly number[], scale: Scale, width: number, al
   const keys: number[] = [];
   const gaps: number[] = [];
   let before = -Infinity;
+  let dense = false;
   for (let i = from; i < to; i++) {
     const x = toX(scale, frames[i]);
-    if (x - before >= DIAMOND_PX) before = x;
-    else if (!always(i)) continue;
-    keys.push(i);
+    const apart = x - before >= DIAMOND_PX;
+    if (apart) before = x;
+    else dense = true;
+    if (apart || always(i)) keys.push(i);
   }
   for (let i = from; i < to && i < frames.length - 1; i++) {
     if ((frames[i + 1] - frames[i]) * scale.zoom >= BAR_PX) gaps.push(i);
   }
-  return { keys, gaps };
+  return { keys, gaps, dense };
 }
 
 /** A second's decimals as many as needed to tell frames apart, without idle zeros. */

@@ -70,9 +70,9 @@ export class TimelineView {
     else if (x > this.width - EDGE_PX) this.scroll(Math.min(30, x - this.width + EDGE_PX));
   }
 
-  /** The playhead to where the pointer is, within the motion. */
+  /** The playhead to where the pointer is; behind the last key, too, where the next one may go. */
   scrub(x: number): void {
     this.studio.playing = false;
-    this.studio.goTo(Math.min(this.last, this.frame(x)));
+    this.studio.goTo(this.frame(x));
   }
 }
