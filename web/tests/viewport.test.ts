@@ -22,13 +22,18 @@ const rig = humanoid() as unknown as Rig;
 /** A walk of the rest pose along a way. */
 function walk(frames: number, x: number, z: number): Float32Array {
   const rows = new Float32Array(frames * rig.stride);
-  for (let i = 0; i < frames; i++) rows.set(rest(rig, (x * i) / (frames - 1), 0.97, (z * i) / (frames - 1)), i * rig.stride);
+  for (let i = 0; i < frames; i++)
+    rows.set(rest(rig, (x * i) / (frames - 1), 0.97, (z * i) / (frames - 1)), i * rig.stride);
   return rows;
 }
 
 describe("picking", () => {
   it("measures pixels to a line of spots, and passes over what is not seen", () => {
-    const spots = [{ x: 0, y: 0, visible: true }, { x: 10, y: 0, visible: true }, { x: 10, y: 10, visible: false }];
+    const spots = [
+      { x: 0, y: 0, visible: true },
+      { x: 10, y: 0, visible: true },
+      { x: 10, y: 10, visible: false },
+    ];
     expect(pixelsToLine(spots, 5, 3)).toBe(3);
     expect(pixelsToLine(spots, 13, 4)).toBe(5);
     expect(pixelsToLine(spots.slice(1), 10, 5)).toBe(Infinity);
@@ -49,12 +54,18 @@ describe("picking", () => {
     const globals = { positions: new Float64Array([0, 0, 0, 0, 1, -4, 0, 2, -4]), rotations: new Float64Array(12) };
     const ray = new Ray(new Vector3(5, 0.5, -2), new Vector3(-1, 0, 0));
     expect(hitBones(above, globals, new Vector3(), ray, 0.1)).toBeNull();
-    expect(hitBones(above, globals, new Vector3(), new Ray(new Vector3(5, 1.5, -4), new Vector3(-1, 0, 0)), 0.1)?.joint).toBe(1);
+    expect(
+      hitBones(above, globals, new Vector3(), new Ray(new Vector3(5, 1.5, -4), new Vector3(-1, 0, 0)), 0.1)?.joint,
+    ).toBe(1);
   });
 
   it("meets the ground and planes", () => {
     const ray = new Ray(new Vector3(0, 2, 0), new Vector3(0, -1, 1).normalize());
-    expect(onLevel(ray, 0)?.toArray().map((v) => Math.round(v * 1e6) / 1e6)).toEqual([0, 0, 2]);
+    expect(
+      onLevel(ray, 0)
+        ?.toArray()
+        .map((v) => Math.round(v * 1e6) / 1e6),
+    ).toEqual([0, 0, 2]);
     expect(onLevel(ray, 3)).toBeNull();
     expect(onLevel(ray, 0, 1)).toBeNull();
     expect(onPlane(ray, new Vector3(0, 0, -1), new Vector3(0, 0, 1))?.y).toBeCloseTo(1, 6);
@@ -73,13 +84,19 @@ describe("turning by rings", () => {
 
   it("goes round a ring on the screen, against the clock where its axis looks at the eye", () => {
     const middle = { x: 100, y: 100, visible: true };
-    const [right, top] = [{ x: 150, y: 100, visible: true }, { x: 100, y: 50, visible: true }];
+    const [right, top] = [
+      { x: 150, y: 100, visible: true },
+      { x: 100, y: 50, visible: true },
+    ];
     expect(roundTurn(middle, right, top, true)).toBeCloseTo(Math.PI / 2, 9);
     expect(roundTurn(middle, right, top, false)).toBeCloseTo(-Math.PI / 2, 9);
   });
 
   it("goes along a ring that is seen from its edge", () => {
-    const [from, to] = [{ x: 0, y: 0, visible: true }, { x: 30, y: 40, visible: true }];
+    const [from, to] = [
+      { x: 0, y: 0, visible: true },
+      { x: 30, y: 40, visible: true },
+    ];
     expect(alongTurn({ x: 0, y: 2 }, from, to, 80)).toBeCloseTo(0.5, 9);
   });
 
@@ -93,7 +110,11 @@ describe("turning by rings", () => {
 describe("a dragged pose", () => {
   const at = (x: number): Pointer => ({ x, y: 0, ray: new Ray(), shift: false, slack: 0 });
   const drag = (told: [number, string][]) =>
-    poseDrag(new Float32Array([7]), (pose, phase) => told.push([pose[0], phase]), ({ x }) => (x < 0 ? null : new Float32Array([x])));
+    poseDrag(
+      new Float32Array([7]),
+      (pose, phase) => told.push([pose[0], phase]),
+      ({ x }) => (x < 0 ? null : new Float32Array([x])),
+    );
 
   it("is told from its start to its end", () => {
     const told: [number, string][] = [];
@@ -102,7 +123,11 @@ describe("a dragged pose", () => {
     held.move(at(1));
     held.move(at(2));
     held.end();
-    expect(told).toEqual([[1, "start"], [2, "drag"], [2, "end"]]);
+    expect(told).toEqual([
+      [1, "start"],
+      [2, "drag"],
+      [2, "end"],
+    ]);
   });
 
   it("is taken back, and is not told of where nothing moved", () => {
@@ -113,7 +138,10 @@ describe("a dragged pose", () => {
     expect(told).toEqual([]);
     held.move(at(3));
     held.cancel();
-    expect(told).toEqual([[3, "start"], [7, "end"]]);
+    expect(told).toEqual([
+      [3, "start"],
+      [7, "end"],
+    ]);
   });
 });
 
@@ -175,7 +203,11 @@ describe("strokes", () => {
 describe("geometries", () => {
   it("of ribbons have two vertices a point, and lines apart", () => {
     const points = [0, 1, 2].map((x) => ({ x, y: 0, z: 0 }));
-    const made = ribbonGeometry([{ points, colour: "#ffffff", width: 2 }, { points: points.slice(0, 1), colour: "#ffffff", width: 2 }, { points, colour: "#000000", width: 1 }]);
+    const made = ribbonGeometry([
+      { points, colour: "#ffffff", width: 2 },
+      { points: points.slice(0, 1), colour: "#ffffff", width: 2 },
+      { points, colour: "#000000", width: 1 },
+    ]);
     expect(made.getAttribute("position").count).toBe(12);
     expect(made.index?.count).toBe(24);
     expect(Math.max(...made.index!.array.slice(0, 12))).toBe(5);
@@ -185,7 +217,9 @@ describe("geometries", () => {
     const dots = dotGeometry([{ x: 1, y: 2, z: 3, size: 5, colour: "#ff0000", time: 4 }]);
     expect([...dots.getAttribute("position").array]).toEqual([1, 2, 3]);
     expect(dots.getAttribute("time").array[0]).toBe(4);
-    const decal = decalGeometry([{ x: 1, z: 1, angle: Math.PI / 2, width: 1, length: 4, mark: "arrow", colour: "#ffffff" }]);
+    const decal = decalGeometry([
+      { x: 1, z: 1, angle: Math.PI / 2, width: 1, length: 4, mark: "arrow", colour: "#ffffff" },
+    ]);
     const { array } = decal.getAttribute("position");
     expect(array[3 * 2]).toBeCloseTo(3, 5); // the front looks along +X
   });
@@ -228,7 +262,8 @@ describe("palettes", () => {
     const palette = palettes[theme];
     expect(contrast(palette.ink, palette.paper)).toBeGreaterThan(7);
     expect(contrast(palette.faint, palette.paper)).toBeGreaterThan(4.5);
-    for (const colour of [palette.accent, palette.target, ...palette.hues]) expect(contrast(colour, palette.ground)).toBeGreaterThan(2.7);
+    for (const colour of [palette.accent, palette.target, ...palette.hues])
+      expect(contrast(colour, palette.ground)).toBeGreaterThan(2.7);
     for (const colour of [palette.accent, palette.warning]) expect(contrast(colour, palette.ground)).toBeGreaterThan(3);
   });
 });

@@ -51,7 +51,12 @@ export function nearest(line: readonly Ground[], point: Ground): { distance: num
 }
 
 /** The control points with one more, on the curve through `from`, them and `to`, where it comes nearest to `point`. */
-export function inserted(from: Ground, points: readonly Ground[], to: Ground, point: Ground): { points: Ground[]; at: number } {
+export function inserted(
+  from: Ground,
+  points: readonly Ground[],
+  to: Ground,
+  point: Ground,
+): { points: Ground[]; at: number } {
   const pieces = 24;
   const all = [from, ...points, to];
   const place = nearest(curve(all, pieces), point);

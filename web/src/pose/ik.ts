@@ -2,7 +2,18 @@
 
 import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
-import { forward, hangsOn, hipsOf, localRotation, placeAt, placeOf, rotationAt, type Globals, type Skeleton, type Triple } from "./kinematics";
+import {
+  forward,
+  hangsOn,
+  hipsOf,
+  localRotation,
+  placeAt,
+  placeOf,
+  rotationAt,
+  type Globals,
+  type Skeleton,
+  type Triple,
+} from "./kinematics";
 
 /** Three joints, each somewhere below the one before; others, such as twist bones, may lie between. */
 export interface Limb {
@@ -159,7 +170,11 @@ function turned(
   rotation = turnOf(globals, limb.end),
 ): Pose {
   const made = withTurn(rig, pose, globals, limb.upper, swing.clone().multiply(turnOf(globals, limb.upper)));
-  setLocal(made, limb.mid, localRotation(rig, globals, limb.mid, tuple(bend.clone().multiply(turnOf(globals, limb.mid)))));
+  setLocal(
+    made,
+    limb.mid,
+    localRotation(rig, globals, limb.mid, tuple(bend.clone().multiply(turnOf(globals, limb.mid)))),
+  );
   setLocal(made, limb.end, localRotation(rig, forward(rig, made), limb.end, tuple(rotation)));
   return made;
 }

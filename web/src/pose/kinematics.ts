@@ -72,7 +72,10 @@ export function tracks(
   last = rows.length / stride,
 ): Float32Array {
   const found = new Float32Array(Math.max(0, last - first) * joints.length * 3);
-  const globals = { positions: new Float64Array(3 * rig.parents.length), rotations: new Float64Array(4 * rig.parents.length) };
+  const globals = {
+    positions: new Float64Array(3 * rig.parents.length),
+    rotations: new Float64Array(4 * rig.parents.length),
+  };
   let at = 0;
   for (let frame = first; frame < last; frame++) {
     forward(rig, rows.subarray(frame * stride, (frame + 1) * stride), globals);

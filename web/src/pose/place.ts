@@ -26,7 +26,12 @@ export function turnAboutHips(rig: Body, pose: Pose, angle: number): Pose {
   const [x, z] = groundOf(rig, pose);
   const turn = new Quaternion().setFromAxisAngle(UP, angle);
   const root = new Vector3().fromArray(globals.positions);
-  const goes = root.clone().sub(new Vector3(x, 0, z)).applyQuaternion(turn).add(new Vector3(x, 0, z)).sub(root);
+  const goes = root
+    .clone()
+    .sub(new Vector3(x, 0, z))
+    .applyQuaternion(turn)
+    .add(new Vector3(x, 0, z))
+    .sub(root);
   const made = withTurn(rig, pose, globals, 0, turn.multiply(turnOf(globals, 0)));
   return shifted(rig, made, [goes.x, 0, goes.z]);
 }

@@ -22,7 +22,7 @@ export class Candidates {
   ways: THREE.Vector3[][] = [];
   hovered: number | null = null;
   private readonly lines = new Ribbons(21);
-  private shown: Pick<View, "rig" | "candidates" | "spread"> & { palette: Palette } | null = null;
+  private shown: (Pick<View, "rig" | "candidates" | "spread"> & { palette: Palette }) | null = null;
   private poses: (Float32Array | null)[] = [];
 
   constructor() {
@@ -31,7 +31,8 @@ export class Candidates {
 
   update(view: View, geometry: THREE.BufferGeometry | null, palette: Palette): void {
     const { rig, candidates, spread, show } = view;
-    const wanted = rig && geometry && show.others ? candidates.flatMap(({ chosen }, index) => (chosen ? [] : [index])) : [];
+    const wanted =
+      rig && geometry && show.others ? candidates.flatMap(({ chosen }, index) => (chosen ? [] : [index])) : [];
     for (const { figure } of this.figures.splice(wanted.length)) figure.dispose();
     this.figures = wanted.map((index, i) => {
       const figure = this.figures[i]?.figure ?? new GhostBody(rig!, geometry!);
@@ -39,7 +40,11 @@ export class Candidates {
       return { index, figure };
     });
     this.poses.length = wanted.length;
-    const same = this.shown?.rig === rig && this.shown.candidates === candidates && this.shown.spread === spread && this.shown.palette === palette;
+    const same =
+      this.shown?.rig === rig &&
+      this.shown.candidates === candidates &&
+      this.shown.spread === spread &&
+      this.shown.palette === palette;
     if (!same && rig) this.lay(rig, candidates, spread, palette);
     this.figures.forEach(({ index, figure }, i) => {
       const { rows, frames } = candidates[index];
@@ -93,7 +98,9 @@ export class Candidates {
     let top = 0;
     for (let i = 1; i < positions.length; i += 3) top = Math.max(top, positions[i]);
     const head = body.rig.humanoid.Head;
-    const place = (head === undefined ? body.middle : body.at(head)).setY(top + (head === undefined ? 0.05 : 0.17) * body.rig.size);
+    const place = (head === undefined ? body.middle : body.at(head)).setY(
+      top + (head === undefined ? 0.05 : 0.17) * body.rig.size,
+    );
     const strong = index === this.hovered || candidates[index].chosen;
     return { text: String(index + 1), place, colour: hueOf(candidates, index, palette), strong };
   }
@@ -102,7 +109,10 @@ export class Candidates {
     this.ways = candidates.map(({ rows, frames }, index) => {
       const shift = shiftOf(rig, candidates, spread, index);
       const places = tracks(rig, rows, rig.stride, [hipsOf(rig)], 0, frames);
-      return Array.from({ length: frames }, (_, i) => new THREE.Vector3(places[3 * i] + shift.x, LIFT, places[3 * i + 2] + shift.z));
+      return Array.from(
+        { length: frames },
+        (_, i) => new THREE.Vector3(places[3 * i] + shift.x, LIFT, places[3 * i + 2] + shift.z),
+      );
     });
     const lines = candidates.map(({ chosen }, index): RibbonLine => ({
       points: this.ways[index].map(({ x, z }) => ({ x, y: chosen ? LIFT + 0.004 : LIFT + 0.002, z })),
@@ -120,8 +130,16 @@ export function hueOf(candidates: readonly CandidateView[], index: number, palet
 }
 
 /** Side by side, candidates stand across their common way, in their order, with the chosen one in place. */
-export function shiftOf(rig: Rig, candidates: readonly CandidateView[], spread: View["spread"], index: number): THREE.Vector3 {
-  const chosen = Math.max(0, candidates.findIndex((candidate) => candidate.chosen));
+export function shiftOf(
+  rig: Rig,
+  candidates: readonly CandidateView[],
+  spread: View["spread"],
+  index: number,
+): THREE.Vector3 {
+  const chosen = Math.max(
+    0,
+    candidates.findIndex((candidate) => candidate.chosen),
+  );
   if (spread === "overlaid" || index === chosen) return new THREE.Vector3();
   const { rows, frames } = candidates[chosen];
   const [from, to] = [0, frames - 1].map((frame) => groundOf(rig, row(rows, rig.stride, frame)));

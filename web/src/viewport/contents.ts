@@ -21,7 +21,9 @@ function around(rig: Rig, pose: Pose, shift = new Vector3()): Vector3[] {
   const more = 0.12 * rig.size;
   low.subScalar(more).add(shift);
   high.addScalar(more).add(shift);
-  return [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z));
+  return [0, 1, 2, 3, 4, 5, 6, 7].map(
+    (i) => new Vector3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z),
+  );
 }
 
 export function figurePoints(view: View): Vector3[] {
@@ -40,7 +42,10 @@ export function allPoints(view: View): Vector3[] {
       found.push(...around(rig, rows.subarray(at, at + rig.stride), shift));
     }
   });
-  const ground = [...view.ways.flatMap(({ points }) => points), ...(view.line ? [view.line.from, ...view.line.points, view.line.to] : [])];
+  const ground = [
+    ...view.ways.flatMap(({ points }) => points),
+    ...(view.line ? [view.line.from, ...view.line.points, view.line.to] : []),
+  ];
   found.push(...ground.map(([x, z]) => new Vector3(x, 0, z)));
   return found;
 }

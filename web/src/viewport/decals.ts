@@ -63,7 +63,12 @@ const fragment = `varying vec4 vTint; varying vec2 vCorner; varying float vMark;
     #include <colorspace_fragment>
   }`;
 
-const CORNERS: readonly (readonly [number, number])[] = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
+const CORNERS: readonly (readonly [number, number])[] = [
+  [-1, -1],
+  [1, -1],
+  [-1, 1],
+  [1, 1],
+];
 
 export class Decals {
   readonly material = new THREE.ShaderMaterial({
@@ -113,8 +118,11 @@ export function decalGeometry(decals: readonly Decal[]): THREE.BufferGeometry {
     const [sin, cos] = [Math.sin(decal.angle ?? 0), Math.cos(decal.angle ?? 0)];
     CORNERS.forEach(([u, v], k) => {
       const at = 4 * i + k;
-      const [across, along] = [(0.5 * u * decal.width), 0.5 * v * (decal.length ?? decal.width)];
-      position.set([decal.x + across * cos + along * sin, decal.y ?? LIFT, decal.z - across * sin + along * cos], 3 * at);
+      const [across, along] = [0.5 * u * decal.width, 0.5 * v * (decal.length ?? decal.width)];
+      position.set(
+        [decal.x + across * cos + along * sin, decal.y ?? LIFT, decal.z - across * sin + along * cos],
+        3 * at,
+      );
       corner.set([u, v], 2 * at);
       tint.set([r, g, b, decal.opacity ?? 1], 4 * at);
       mark[at] = MARKS.indexOf(decal.mark);

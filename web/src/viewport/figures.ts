@@ -32,7 +32,9 @@ export class Figures implements Layer {
     const onBody = own?.group.visible ? touch(own) : null;
     if (onBody) {
       const turns = view.tool === "rotate" && view.editable;
-      const hit = turns ? { id: `joint ${onBody.joint}`, cursor: "pointer", click: () => this.events.pickJoint(onBody.joint) } : null;
+      const hit = turns
+        ? { id: `joint ${onBody.joint}`, cursor: "pointer", click: () => this.events.pickJoint(onBody.joint) }
+        : null;
       found.push({ distance: onBody.distance, hit });
     }
     if (view.show.ghosts) {
@@ -51,7 +53,8 @@ export class Figures implements Layer {
   }
 
   hover(id: Hit["id"] | null): void {
-    const [kind, name] = typeof id === "string" ? [id.slice(0, id.indexOf(" ")), id.slice(id.indexOf(" ") + 1)] : ["", ""];
+    const [kind, name] =
+      typeof id === "string" ? [id.slice(0, id.indexOf(" ")), id.slice(id.indexOf(" ") + 1)] : ["", ""];
     this.ghosts.hovered = kind === "key" ? name : null;
     this.candidates.hovered = kind === "candidate" ? Number(name) : null;
     this.changed();

@@ -19,7 +19,15 @@ export class Footing {
   readonly group = new THREE.Group();
   private readonly under = new Decals(12);
   private readonly prints = new Decals(11);
-  private held: { rig: Rig; motion: Motion; palette: Palette; first: number; last: number; found: Contacts; groups: number[][] } | null = null;
+  private held: {
+    rig: Rig;
+    motion: Motion;
+    palette: Palette;
+    first: number;
+    last: number;
+    found: Contacts;
+    groups: number[][];
+  } | null = null;
 
   constructor() {
     this.group.add(this.under.mesh, this.prints.mesh);
@@ -33,7 +41,12 @@ export class Footing {
     const at = frame - motion.first;
     const [first, last] = drawnFrames(at, motion.rows.length / rig.stride, rig.rate);
     const { held } = this;
-    const same = held?.rig === rig && held.motion === motion && held.palette === palette && held.first === first && held.last === last;
+    const same =
+      held?.rig === rig &&
+      held.motion === motion &&
+      held.palette === palette &&
+      held.first === first &&
+      held.last === last;
     if (!same) {
       const found = contacts(rig, motion.rows, first, last);
       const groups = footGroups(rig);
@@ -67,8 +80,21 @@ export class Footing {
         const colour = slides ? palette.warning : palette.contact;
         const base = { ...sole, colour, y: LIFT + 0.002 };
         return [
-          { ...base, mark: "glow", width: 2.9 * sole.width, length: sole.length + 1.9 * sole.width, opacity: slides ? 0.85 : 0.62 },
-          { ...base, mark: "ring", width: 0.4 * rig.size, length: 0.4 * rig.size, opacity: slides ? 0.75 : 0.3, y: LIFT + 0.003 },
+          {
+            ...base,
+            mark: "glow",
+            width: 2.9 * sole.width,
+            length: sole.length + 1.9 * sole.width,
+            opacity: slides ? 0.85 : 0.62,
+          },
+          {
+            ...base,
+            mark: "ring",
+            width: 0.4 * rig.size,
+            length: 0.4 * rig.size,
+            opacity: slides ? 0.75 : 0.3,
+            y: LIFT + 0.003,
+          },
         ];
       }),
     );
@@ -116,7 +142,7 @@ function prints(rig: Rig, found: Contacts, group: readonly number[], first: numb
     const states = group.map((foot) => stateOf(found, frame, foot));
     return states.includes(SLIDES) ? SLIDES : states.includes(STANDS) ? STANDS : AIR;
   };
-  for (let frame = 0; frame < found.frames; ) {
+  for (let frame = 0; frame < found.frames;) {
     const now = state(frame);
     let end = frame + 1;
     while (end < found.frames && state(end) === now) end++;
@@ -124,7 +150,13 @@ function prints(rig: Rig, found: Contacts, group: readonly number[], first: numb
     if (now !== AIR && !short) {
       const middle = Math.floor((frame + end - 1) / 2);
       const colour = now === SLIDES ? palette.warning : palette.faint;
-      made.push({ ...soleOf(rig, found, middle, group, group), mark: "sole", colour, opacity: now === SLIDES ? 0.65 : 0.4, time: first + middle });
+      made.push({
+        ...soleOf(rig, found, middle, group, group),
+        mark: "sole",
+        colour,
+        opacity: now === SLIDES ? 0.65 : 0.4,
+        time: first + middle,
+      });
     }
     frame = end;
   }

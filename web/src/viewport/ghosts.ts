@@ -28,7 +28,10 @@ export class Ghosts {
   look(palette: Palette): void {
     for (const { ghost, figure } of this.bodies) {
       const hovered = ghost.key === this.hovered;
-      figure.look(ghost.selected || hovered ? palette.accent : palette.ghost, ghost.selected ? 0.42 : hovered ? 0.38 : 0.27);
+      figure.look(
+        ghost.selected || hovered ? palette.accent : palette.ghost,
+        ghost.selected ? 0.42 : hovered ? 0.38 : 0.27,
+      );
     }
   }
 

@@ -89,7 +89,12 @@ export class Ground {
   paint(palette: Palette): void {
     // These shaders write colours as they are on the screen, which spares a conversion for each pixel.
     const { sky, horizon, ground } = this.sky.uniforms;
-    for (const [to, from] of [[sky, palette.sky], [horizon, palette.horizon], [ground, palette.ground], [this.lines.uniforms.colour, palette.grid]] as const) {
+    for (const [to, from] of [
+      [sky, palette.sky],
+      [horizon, palette.horizon],
+      [ground, palette.ground],
+      [this.lines.uniforms.colour, palette.grid],
+    ] as const) {
       to.value.set(from).convertLinearToSRGB();
     }
     this.dark.color.set(palette.shadow);

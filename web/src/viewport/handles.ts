@@ -31,7 +31,16 @@ export class Handles {
     this.dots.set(
       handles.map(({ id, place, size, colour, shape, opacity }) => {
         const hovered = id === this.hovered;
-        return { x: place.x, y: place.y, z: place.z, size: size + (hovered ? 4 : 0), colour, rim: 2, shape, opacity: hovered ? 1 : opacity };
+        return {
+          x: place.x,
+          y: place.y,
+          z: place.z,
+          size: size + (hovered ? 4 : 0),
+          colour,
+          rim: 2,
+          shape,
+          opacity: hovered ? 1 : opacity,
+        };
       }),
     );
   }
@@ -46,7 +55,8 @@ export class Handles {
     for (const handle of this.held) {
       const spot = this.project(handle.place);
       const far = Math.hypot(spot.x - pointer.x, spot.y - pointer.y);
-      if (spot.visible && far < 0.5 * handle.size + 4 + pointer.slack && (!best || far < best.far)) best = { handle, far };
+      if (spot.visible && far < 0.5 * handle.size + 4 + pointer.slack && (!best || far < best.far))
+        best = { handle, far };
     }
     return best?.handle ?? null;
   }

@@ -21,7 +21,11 @@ export class Labels {
 
   /** Texts that did not change are only moved. */
   set(labels: readonly Label[], palette: Palette, ratio: number): void {
-    const told = JSON.stringify([labels.map(({ text, colour, strong }) => [text, colour, strong]), palette.paper, ratio]);
+    const told = JSON.stringify([
+      labels.map(({ text, colour, strong }) => [text, colour, strong]),
+      palette.paper,
+      ratio,
+    ]);
     if (told !== this.told) {
       this.clear();
       this.drawn = labels.map((label) => this.make(label, palette, ratio));
@@ -49,7 +53,11 @@ export class Labels {
     this.told = "";
   }
 
-  private make(label: Label, palette: Palette, ratio: number): { sprite: THREE.Sprite; texture: THREE.CanvasTexture; width: number } {
+  private make(
+    label: Label,
+    palette: Palette,
+    ratio: number,
+  ): { sprite: THREE.Sprite; texture: THREE.CanvasTexture; width: number } {
     const canvas = document.createElement("canvas");
     const pen = canvas.getContext("2d")!;
     const font = label.strong ? `600 ${FONT}` : FONT;
@@ -83,7 +91,13 @@ export class Labels {
     texture.colorSpace = THREE.SRGBColorSpace;
     texture.generateMipmaps = false;
     texture.minFilter = THREE.LinearFilter;
-    const material = new THREE.SpriteMaterial({ map: texture, sizeAttenuation: false, depthTest: false, depthWrite: false, toneMapped: false });
+    const material = new THREE.SpriteMaterial({
+      map: texture,
+      sizeAttenuation: false,
+      depthTest: false,
+      depthWrite: false,
+      toneMapped: false,
+    });
     const sprite = new THREE.Sprite(material);
     sprite.center.set(0.5, -0.35);
     sprite.renderOrder = 900;

@@ -52,11 +52,18 @@ export class LineEditor implements Layer {
 
   hit(at: Pointer): Hit | null {
     const handle = this.handles.at(at);
-    if (handle) return { id: handle.id, cursor: "grab", click: () => (this.touched = handle.id), grab: (from) => this.drag(handle.id, from) };
+    if (handle)
+      return {
+        id: handle.id,
+        cursor: "grab",
+        click: () => (this.touched = handle.id),
+        grab: (from) => this.drag(handle.id, from),
+      };
     if (this.line && pixelsToLine(this.spots(), at.x, at.y) < 8 + at.slack) {
       return { id: "line", cursor: "copy", grab: this.drawing ? () => this.draw(at) : undefined };
     }
-    if (this.drawing && this.ends && onLevel(at.ray, 0, 60)) return { id: "ground", cursor: "crosshair", grab: (from) => this.draw(from) };
+    if (this.drawing && this.ends && onLevel(at.ray, 0, 60))
+      return { id: "ground", cursor: "crosshair", grab: (from) => this.draw(from) };
     return null;
   }
 
@@ -67,7 +74,8 @@ export class LineEditor implements Layer {
 
   double(at: Pointer): boolean {
     const met = onLevel(at.ray, 0, 60);
-    if (!this.line || !met || this.handles.at(at) || pixelsToLine(this.spots(), at.x, at.y) > 10 + at.slack) return false;
+    if (!this.line || !met || this.handles.at(at) || pixelsToLine(this.spots(), at.x, at.y) > 10 + at.slack)
+      return false;
     const { points, at: place } = inserted(this.line.from, this.line.points, this.line.to, [met.x, met.z]);
     this.tell(points);
     this.touched = place;
@@ -118,7 +126,12 @@ export class LineEditor implements Layer {
     this.curve.set([{ points: drawn.map(([x, z]) => ({ x, y: LIFT + 0.005, z })), colour, width: 4, opacity: 0.95 }]);
     const held: Points = stroke ? [] : (this.dragged ?? this.line?.points ?? []);
     this.handles.set(
-      held.map(([x, z], id): Handle => ({ id, place: new THREE.Vector3(x, LIFT, z), size: id === this.touched ? 15 : 13, colour })),
+      held.map(([x, z], id): Handle => ({
+        id,
+        place: new THREE.Vector3(x, LIFT, z),
+        size: id === this.touched ? 15 : 13,
+        colour,
+      })),
       palette.paper,
     );
     const ends = drawn.length > 1 || this.drawing ? this.ends : null;
@@ -147,7 +160,9 @@ export class LineEditor implements Layer {
     };
     return lineDrag(line.points, changed, (at) => {
       const met = onLevel(at.ray, 0, 60);
-      return met && line.points.map((point, i): Ground => (i === index ? [x + met.x - start.x, z + met.z - start.z] : point));
+      return (
+        met && line.points.map((point, i): Ground => (i === index ? [x + met.x - start.x, z + met.z - start.z] : point))
+      );
     });
   }
 
@@ -188,7 +203,11 @@ export function controlPoints(stroke: Points, { from, to }: Ends, size: number):
   return [nearest(inner, [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])]).place];
 }
 
-function lineDrag(before: Points, change: (points: Points, phase: Phase) => void, make: (at: Pointer) => Points | null): Drag {
+function lineDrag(
+  before: Points,
+  change: (points: Points, phase: Phase) => void,
+  make: (at: Pointer) => Points | null,
+): Drag {
   let now: Points | null = null;
   return {
     move(at) {

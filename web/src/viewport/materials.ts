@@ -18,7 +18,11 @@ function oneJoint(shader: Shader): void {
     .replace("#include <skinning_vertex>", "transformed = ( carrier * vec4( transformed, 1.0 ) ).xyz;");
 }
 
-function withOneJoint<Kind extends THREE.Material>(material: Kind, name: string, more: (shader: Shader) => void = () => {}): Kind {
+function withOneJoint<Kind extends THREE.Material>(
+  material: Kind,
+  name: string,
+  more: (shader: Shader) => void = () => {},
+): Kind {
   material.onBeforeCompile = (shader) => {
     oneJoint(shader);
     more(shader);
@@ -30,7 +34,10 @@ function withOneJoint<Kind extends THREE.Material>(material: Kind, name: string,
 /** Matte, with its colour from the vertices. */
 export function bodyMaterial(): THREE.MeshStandardMaterial {
   const stencil = { stencilWrite: true, stencilRef: FIGURE, stencilZPass: THREE.ReplaceStencilOp };
-  return withOneJoint(new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82, metalness: 0, ...stencil }), "body");
+  return withOneJoint(
+    new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82, metalness: 0, ...stencil }),
+    "body",
+  );
 }
 
 /** For the lamp's shadow of a figure. */

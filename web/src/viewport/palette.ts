@@ -57,7 +57,7 @@ const light: Palette = {
   rim: 0.9,
   accent: "#2f63e6",
   target: "#d9641a",
-  warning: "#b26f00",
+  warning: "#bd7300",
   contact: "#2f63e6",
   ink: "#1b2130",
   faint: "#6b7486",

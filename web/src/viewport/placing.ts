@@ -89,17 +89,35 @@ export class Placing implements Layer {
     const angle = headingOf(rig, pose);
     const radius = RADIUS * rig.size;
     const colour = palette.accent;
-    const marks: Decal[] = [{ x, z, width: 1.9 * radius, mark: "disc", colour, opacity: hovered === "move" ? 0.2 : 0.09 }];
+    const marks: Decal[] = [
+      { x, z, width: 1.9 * radius, mark: "disc", colour, opacity: hovered === "move" ? 0.2 : 0.09 },
+    ];
     const at = (turn: number, far: number): { x: number; y: number; z: number } => ({
       x: x + far * Math.sin(turn),
       y: LIFT + 0.004,
       z: z + far * Math.cos(turn),
     });
     const arrow = 0.17 * rig.size;
-    marks.push({ ...at(angle, radius + 0.85 * arrow), angle, width: arrow, length: 1.35 * arrow, mark: "arrow", colour, opacity: hovered === "turn" ? 1 : 0.9 });
+    marks.push({
+      ...at(angle, radius + 0.85 * arrow),
+      angle,
+      width: arrow,
+      length: 1.35 * arrow,
+      mark: "arrow",
+      colour,
+      opacity: hovered === "turn" ? 1 : 0.9,
+    });
     for (let side = 0; side < 4; side++) {
       const turn = (side * Math.PI) / 2;
-      marks.push({ ...at(turn, 0.7 * radius), angle: turn, width: 0.55 * arrow, length: 0.6 * arrow, mark: "arrow", colour, opacity: hovered === "move" ? 0.85 : 0.4 });
+      marks.push({
+        ...at(turn, 0.7 * radius),
+        angle: turn,
+        width: 0.55 * arrow,
+        length: 0.6 * arrow,
+        mark: "arrow",
+        colour,
+        opacity: hovered === "move" ? 0.85 : 0.4,
+      });
     }
     this.marks.set(marks);
     const ring = Array.from({ length: 97 }, (_, i) => at((2 * Math.PI * i) / 96, radius));
@@ -107,7 +125,10 @@ export class Placing implements Layer {
     if (turned) {
       const steps = Math.max(2, Math.ceil(Math.abs(turned.by) / 0.06));
       const arc = Array.from({ length: steps + 1 }, (_, i) => at(turned.from + (turned.by * i) / steps, radius));
-      lines.push({ points: [arc[0], at(0, 0), arc[steps]], colour, width: 1.5, opacity: 0.8 }, { points: arc, colour, width: 7 });
+      lines.push(
+        { points: [arc[0], at(0, 0), arc[steps]], colour, width: 1.5, opacity: 0.8 },
+        { points: arc, colour, width: 7 },
+      );
     }
     this.lines.set(lines);
   }

@@ -8,7 +8,12 @@ import type { Phase } from "./types";
 export type ChangePose = (pose: Pose, phase: Phase) => void;
 
 /** `make` gives the pose for a pointer, or null to leave it; `done` is called in any case. */
-export function poseDrag(before: Pose, change: ChangePose, make: (at: Pointer) => Pose | null, done: () => void = () => {}): Drag {
+export function poseDrag(
+  before: Pose,
+  change: ChangePose,
+  make: (at: Pointer) => Pose | null,
+  done: () => void = () => {},
+): Drag {
   let now: Pose | null = null;
   return {
     move(at) {

@@ -1,8 +1,9 @@
-/** The tool that drags hands, feet and hips by inverse kinematics, and turns elbows and knees about their limbs. */
+/** The tool that drags hands, feet, hips, neck and head, and turns elbows and knees about their limbs. */
 
 import * as THREE from "three";
 import { LIMBS, limbAt, limbOf, moveHips, reach, shifted, turnMiddle } from "../pose/ik";
 import { forward, hipsOf } from "../pose/kinematics";
+import { lean, trunkBelow } from "../pose/lean";
 import type { Pose, Rig } from "../rig";
 import { Handles, type Handle } from "./handles";
 import type { Label } from "./labels";
@@ -47,7 +48,8 @@ export class Reaching implements Layer {
 
   hover(id: Hit["id"] | null): void {
     this.handles.hovered = typeof id === "number" ? id : null;
-    if (this.rig && this.pose && this.palette) this.handles.set(dots(this.rig, this.pose, this.palette), this.palette.paper);
+    if (this.rig && this.pose && this.palette)
+      this.handles.set(dots(this.rig, this.pose, this.palette), this.palette.paper);
   }
 
   labels(): Label[] {
@@ -74,10 +76,18 @@ export class Reaching implements Layer {
       const flat = at.shift && level ? onLevel(at.ray, start.y, 60) : null;
       const met = flat ?? onPlane(at.ray, view, start);
       if (!met) return null;
-      const goal = start.clone().add(met).sub(flat && level ? level : grabbed);
+      const goal = start
+        .clone()
+        .add(met)
+        .sub(flat && level ? level : grabbed);
       if (at.shift) goal.y = start.y;
-      if (!found) return rig.humanoid.Hips === handle.id ? moveHips(rig, pose, goal.toArray()) : shifted(rig, pose, goal.sub(start).toArray());
-      return found.part === "end" ? reach(rig, pose, found.limb, goal.toArray()) : turnMiddle(rig, pose, found.limb, goal.toArray());
+      const place = goal.toArray();
+      if (found?.part === "end") return reach(rig, pose, found.limb, place);
+      if (found) return turnMiddle(rig, pose, found.limb, place);
+      if (handle.id !== hipsOf(rig)) return lean(rig, pose, handle.id, place);
+      return rig.humanoid.Hips === undefined
+        ? shifted(rig, pose, goal.sub(start).toArray())
+        : moveHips(rig, pose, place);
     };
     return poseDrag(pose, this.change, make);
   }
@@ -88,6 +98,10 @@ function dots(rig: Rig, pose: Pose, palette: Palette): Handle[] {
   const place = (joint: number): THREE.Vector3 => new THREE.Vector3().fromArray(positions, 3 * joint);
   const hips = hipsOf(rig);
   const made: Handle[] = [{ id: hips, place: place(hips), size: 15, colour: palette.ink, shape: "square" }];
+  for (const joint of [rig.humanoid.Neck, rig.humanoid.Head]) {
+    if (joint !== undefined && trunkBelow(rig, joint).length > 0)
+      made.push({ id: joint, place: place(joint), size: 12, colour: palette.ink });
+  }
   for (const name of LIMBS) {
     const limb = limbOf(rig, name);
     if (!limb) continue;

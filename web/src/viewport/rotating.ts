@@ -34,7 +34,14 @@ export class Rotating implements Layer {
   private readonly lines = new Ribbons(802, true);
   private readonly fill = new THREE.Mesh(
     new THREE.BufferGeometry(),
-    new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.16, depthTest: false, depthWrite: false, side: THREE.DoubleSide, toneMapped: false }),
+    new THREE.MeshBasicMaterial({
+      transparent: true,
+      opacity: 0.16,
+      depthTest: false,
+      depthWrite: false,
+      side: THREE.DoubleSide,
+      toneMapped: false,
+    }),
   );
   private rig: Rig | null = null;
   private pose: Pose | null = null;
@@ -82,7 +89,9 @@ export class Rotating implements Layer {
     const centre = new THREE.Vector3().fromArray(globals.positions, 3 * joint);
     const scale = this.pixel(centre, height);
     this.rings = this.turning ? this.rings : this.makeRings(centre, turnOf(globals, joint), RADIUS * scale, palette);
-    this.lines.set(this.turning ? this.turnLines(centre, palette) : this.rings.map((ring, i) => this.ringLine(ring, i)).flat());
+    this.lines.set(
+      this.turning ? this.turnLines(centre, palette) : this.rings.map((ring, i) => this.ringLine(ring, i)).flat(),
+    );
   }
 
   hit(at: Pointer): Hit | null {
@@ -105,7 +114,8 @@ export class Rotating implements Layer {
   hover(id: Hit["id"] | null): void {
     this.hovered = typeof id === "string" ? Number(id.slice(5)) : null;
     this.handles.hovered = typeof id === "number" ? id : null;
-    if (this.rig && this.pose && this.palette) this.handles.set(this.dots(this.rig, this.pose, this.palette), this.palette.paper);
+    if (this.rig && this.pose && this.palette)
+      this.handles.set(this.dots(this.rig, this.pose, this.palette), this.palette.paper);
   }
 
   labels(): Label[] {
@@ -113,7 +123,13 @@ export class Rotating implements Layer {
     if (!rig || !this.group.visible) return [];
     if (turning && joint !== null) {
       const place = handles.find(joint)?.place.clone() ?? new THREE.Vector3();
-      return [{ text: `${Math.round(THREE.MathUtils.radToDeg(turning.angle))}°`, place: place.addScaledVector(turning.arm, 1), strong: true }];
+      return [
+        {
+          text: `${Math.round(THREE.MathUtils.radToDeg(turning.angle))}°`,
+          place: place.addScaledVector(turning.arm, 1),
+          strong: true,
+        },
+      ];
     }
     const named = handles.hovered;
     const handle = named === null ? undefined : handles.find(named);
@@ -135,7 +151,15 @@ export class Rotating implements Layer {
       const end = !parents.has(joint) && !Object.values(rig.humanoid).includes(joint);
       if (end && !picked) return [];
       const place = new THREE.Vector3().fromArray(positions, 3 * joint);
-      return [{ id: joint, place, size: picked ? 11 : 8, colour: picked ? palette.accent : palette.faint, opacity: picked ? 1 : 0.8 }];
+      return [
+        {
+          id: joint,
+          place,
+          size: picked ? 11 : 8,
+          colour: picked ? palette.accent : palette.faint,
+          opacity: picked ? 1 : 0.8,
+        },
+      ];
     });
   }
 
@@ -147,7 +171,12 @@ export class Rotating implements Layer {
   private makeRings(centre: THREE.Vector3, turn: THREE.Quaternion, radius: number, palette: Palette): Ring[] {
     const view = this.camera.position.clone().sub(centre).normalize();
     const axes = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
-    const own = axes.map((axis, i) => ({ axis: axis.applyQuaternion(turn), colour: palette.axes[i], radius, far: -0.02 }));
+    const own = axes.map((axis, i) => ({
+      axis: axis.applyQuaternion(turn),
+      colour: palette.axes[i],
+      radius,
+      far: -0.02,
+    }));
     const all = [...own, { axis: view.clone(), colour: palette.faint, radius: OUTER * radius, far: -1 }];
     return all.map(({ axis, colour, radius: wide, far }) => {
       const points = circle(centre, axis, wide, PIECES);
@@ -159,7 +188,14 @@ export class Rotating implements Layer {
     const hovered = i === this.hovered;
     const width = hovered ? 4 : i === 3 ? 1.5 : 2.5;
     const opacity = hovered ? 1 : this.hovered === null ? 0.9 : 0.5;
-    return [{ points: points.map((point, k) => ({ x: point.x, y: point.y, z: point.z, opacity: near[k] ? 1 : 0.16 })), colour, width, opacity }];
+    return [
+      {
+        points: points.map((point, k) => ({ x: point.x, y: point.y, z: point.z, opacity: near[k] ? 1 : 0.16 })),
+        colour,
+        width,
+        opacity,
+      },
+    ];
   }
 
   /** While a ring is turned: it alone, and the sector it was turned by. */
@@ -167,7 +203,12 @@ export class Rotating implements Layer {
     const { ring, angle, arm, axis } = this.turning!;
     const { points, colour } = this.rings[ring];
     const steps = Math.max(2, Math.min(240, Math.ceil(Math.abs(angle) / 0.06)));
-    const arc = Array.from({ length: steps + 1 }, (_, i) => arm.clone().applyAxisAngle(axis, (angle * i) / steps).add(centre));
+    const arc = Array.from({ length: steps + 1 }, (_, i) =>
+      arm
+        .clone()
+        .applyAxisAngle(axis, (angle * i) / steps)
+        .add(centre),
+    );
     const flat = [centre, ...arc].flatMap((point) => point.toArray());
     this.fill.geometry.dispose();
     this.fill.geometry = new THREE.BufferGeometry();

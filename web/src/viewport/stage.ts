@@ -34,7 +34,12 @@ export class Stage {
 
   constructor(readonly canvas: HTMLCanvasElement) {
     try {
-      this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, stencil: true, powerPreference: "high-performance" });
+      this.renderer = new THREE.WebGLRenderer({
+        canvas,
+        antialias: true,
+        stencil: true,
+        powerPreference: "high-performance",
+      });
     } catch {
       throw new Error(WITHOUT_WEBGL);
     }
@@ -47,7 +52,16 @@ export class Stage {
     this.lamp.shadow.normalBias = 0.028;
     this.lamp.shadow.intensity = 0.7;
     this.lamp.shadow.radius = 3.2;
-    this.scene.add(this.ground.group, this.sky, this.lamp, this.lamp.target, this.fill, this.fill.target, this.rim, this.rim.target);
+    this.scene.add(
+      this.ground.group,
+      this.sky,
+      this.lamp,
+      this.lamp.target,
+      this.fill,
+      this.fill.target,
+      this.rim,
+      this.rim.target,
+    );
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.enableDamping = false;
     this.orbit.maxPolarAngle = Math.PI / 2 + 0.1;
@@ -81,6 +95,7 @@ export class Stage {
   }
 
   resize(): void {
+    if (this.asked < 0) return;
     const { clientWidth, clientHeight } = this.canvas;
     this.width = Math.max(1, clientWidth);
     this.height = Math.max(1, clientHeight);
@@ -89,7 +104,9 @@ export class Stage {
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
-    this.draw();
+    // Another size empties the canvas: it is drawn at once, so that it does not flash.
+    if (this.last > 0) this.picture(performance.now());
+    else this.draw();
   }
 
   /** The lamp and its shadow stand about `root`; `size` is about the height of a figure's hips. */
@@ -157,6 +174,7 @@ export class Stage {
   private readonly restored = (): void => this.draw();
 
   private readonly picture = (now: number): void => {
+    cancelAnimationFrame(this.asked);
     this.asked = 0;
     const seconds = Math.min(0.1, Math.max(0.001, (now - this.last) / 1000));
     this.last = now;
@@ -173,9 +191,17 @@ export class Stage {
     const back = this.camera.position.clone().sub(target).setY(0).normalize();
     const left = new THREE.Vector3(-back.z, 0, back.x);
     this.fill.target.position.copy(target);
-    this.fill.position.copy(target).addScaledVector(back, 3).addScaledVector(left, 1.2).setY(target.y + 1.4);
+    this.fill.position
+      .copy(target)
+      .addScaledVector(back, 3)
+      .addScaledVector(left, 1.2)
+      .setY(target.y + 1.4);
     this.rim.target.position.copy(target);
-    this.rim.position.copy(target).addScaledVector(back, -3).addScaledVector(left, -1.6).setY(target.y + 2.6);
+    this.rim.position
+      .copy(target)
+      .addScaledVector(back, -3)
+      .addScaledVector(left, -1.6)
+      .setY(target.y + 2.6);
   }
 
   private catchUp(seconds: number): void {

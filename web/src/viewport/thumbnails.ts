@@ -41,7 +41,13 @@ interface Spot {
 }
 
 /** Draws `frames` rows on a canvas of the size that it has on the page. */
-export function drawThumbnail(canvas: HTMLCanvasElement, rig: Rig, rows: Float32Array, frames: number, theme: Theme): void {
+export function drawThumbnail(
+  canvas: HTMLCanvasElement,
+  rig: Rig,
+  rows: Float32Array,
+  frames: number,
+  theme: Theme,
+): void {
   const ratio = Math.max(1, globalThis.devicePixelRatio || 1);
   const [width, height] = [canvas.clientWidth || 120, canvas.clientHeight || 72];
   canvas.width = Math.round(width * ratio);
@@ -78,7 +84,9 @@ export function drawThumbnail(canvas: HTMLCanvasElement, rig: Rig, rows: Float32
 /** The places of some frames' joints as they are drawn: along the way, or where there is none, beside one another. */
 export function silhouettes(rig: Rig, rows: Float32Array, frames: number): Spot[][] {
   const count = Math.min(FIGURES, frames);
-  const chosen = Array.from({ length: count }, (_, i) => (count > 1 ? Math.round((i * (frames - 1)) / (count - 1)) : frames - 1));
+  const chosen = Array.from({ length: count }, (_, i) =>
+    count > 1 ? Math.round((i * (frames - 1)) / (count - 1)) : frames - 1,
+  );
   const poses = chosen.map((frame) => row(rows, rig.stride, frame));
   const placed = poses.map((pose) => forward(rig, pose).positions);
   const [x0, z0] = [placed[0][3 * hipsOf(rig)], placed[0][3 * hipsOf(rig) + 2]];
@@ -140,7 +148,8 @@ function strokesOf(rig: Rig, spots: readonly Spot[]): { spots: Spot[]; thick: nu
   const bones = rig.parents.flatMap((parent, joint) =>
     parent < 0 ? [] : [{ spots: [spots[parent], spots[joint]], thick: 0.07, side: null }],
   );
-  const depth = (stroke: { spots: Spot[] }): number => stroke.spots.reduce((sum, { near }) => sum + near, 0) / stroke.spots.length;
+  const depth = (stroke: { spots: Spot[] }): number =>
+    stroke.spots.reduce((sum, { near }) => sum + near, 0) / stroke.spots.length;
   return (made.length > 4 ? made : bones).sort((a, b) => depth(a) - depth(b));
 }
 

@@ -60,7 +60,8 @@ export class Trails {
     if (rig && motion && motion.rows.length >= rig.stride) {
       const drawn = drawnFrames(at, motion.rows.length / rig.stride, rig.rate);
       const same = drawn[0] === this.drawn[0] && drawn[1] === this.drawn[1];
-      if (!same || motion !== this.motion || palette !== this.palette || rig !== this.rig) this.build(rig, motion, drawn, palette);
+      if (!same || motion !== this.motion || palette !== this.palette || rig !== this.rig)
+        this.build(rig, motion, drawn, palette);
       this.drawn = drawn;
       for (const part of [this.lines, this.ticks]) part.fade(at, SPAN * rig.rate);
     } else if (this.motion) {
@@ -84,7 +85,14 @@ export class Trails {
 
   private build(rig: Rig, motion: Motion, [first, last]: [number, number], palette: Palette): void {
     const joints = trailed(rig);
-    const places = tracks(rig, motion.rows, rig.stride, joints.map(({ joint }) => joint), first, last);
+    const places = tracks(
+      rig,
+      motion.rows,
+      rig.stride,
+      joints.map(({ joint }) => joint),
+      first,
+      last,
+    );
     const keys = new Set(motion.keys);
     const dots: Dot[] = [];
     const lines = joints.map(({ paint }, k): RibbonLine => {
@@ -96,7 +104,13 @@ export class Trails {
       const colour = root ? palette.faint : palette[paint];
       for (const point of points) {
         const key = keys.has(motion.first + point.time);
-        dots.push({ ...point, colour: key ? palette.ink : colour, size: key ? 7 : 3, opacity: key ? 0.95 : 0.85, rim: key ? 1.5 : 0 });
+        dots.push({
+          ...point,
+          colour: key ? palette.ink : colour,
+          size: key ? 7 : 3,
+          opacity: key ? 0.95 : 0.85,
+          rim: key ? 1.5 : 0,
+        });
       }
       return { points, colour, width: root ? 1.5 : 2, opacity: root ? 0.55 : 0.7 };
     });

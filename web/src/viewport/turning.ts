@@ -9,7 +9,10 @@ export function circle(centre: Vector3, axis: Vector3, radius: number, count: nu
   const v = axis.clone().cross(u);
   return Array.from({ length: count + 1 }, (_, i) => {
     const angle = (2 * Math.PI * i) / count;
-    return centre.clone().addScaledVector(u, radius * Math.cos(angle)).addScaledVector(v, radius * Math.sin(angle));
+    return centre
+      .clone()
+      .addScaledVector(u, radius * Math.cos(angle))
+      .addScaledVector(v, radius * Math.sin(angle));
   });
 }
 

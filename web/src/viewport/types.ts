@@ -55,7 +55,12 @@ export interface View {
   readonly editable: boolean;
   /** The joint that is turned by the tool rotate. */
   readonly joint: number | null;
-  readonly show: { readonly trails: boolean; readonly contacts: boolean; readonly ghosts: boolean; readonly others: boolean };
+  readonly show: {
+    readonly trails: boolean;
+    readonly contacts: boolean;
+    readonly ghosts: boolean;
+    readonly others: boolean;
+  };
   readonly theme: "light" | "dark";
   /** The camera follows the figure's root on the ground. */
   readonly follow: boolean;

@@ -59,7 +59,15 @@ export class Viewport {
     this.reaching = new Reaching(stage.camera, project, change);
     this.placing = new Placing(change, (at) => this.touched(at));
     const look = (): void => this.look();
-    const figures = new Figures(this.ghosts, this.candidates, () => this.body, () => this.view, project, events, look);
+    const figures = new Figures(
+      this.ghosts,
+      this.candidates,
+      () => this.body,
+      () => this.view,
+      project,
+      events,
+      look,
+    );
     const layers = [this.rotating, this.reaching, this.line, this.placing, figures, this.ways];
     this.pointing = new Pointing(stage, layers, () => this.missed());
     for (const part of [this.footing, this.trails, this.ghosts, this.candidates, ...layers, this.labels]) {
@@ -79,7 +87,8 @@ export class Viewport {
     if (rigged) this.rig(view.rig);
     if (this.geometry && view.rig && (rigged || painted)) paint(this.geometry, view.rig, palette);
     this.pose();
-    if (rigged || painted || had?.ghosts !== view.ghosts) this.ghosts.update(view.rig, this.geometry, view.ghosts, palette);
+    if (rigged || painted || had?.ghosts !== view.ghosts)
+      this.ghosts.update(view.rig, this.geometry, view.ghosts, palette);
     this.ghosts.hide(this.shown, view.show.ghosts);
     this.trails.group.visible = view.show.trails;
     if (view.show.trails) this.trails.update(view.rig, view.motion, view.frame, palette);
@@ -219,7 +228,10 @@ export class Viewport {
     this.reaching.screen(ratio);
     this.placing.screen(width, height);
     this.rotating.draw(height, width, ratio);
-    sortGhosts([...this.ghosts.bodies, ...this.candidates.figures].map(({ figure }) => figure), camera);
+    sortGhosts(
+      [...this.ghosts.bodies, ...this.candidates.figures].map(({ figure }) => figure),
+      camera,
+    );
     if (!view) return;
     const numbers = this.candidates.labels(view, view.pose ? this.body : null, palette);
     const named = [this.ways, this.rotating, this.reaching, this.placing].flatMap((part) => part.labels());

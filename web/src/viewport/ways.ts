@@ -38,7 +38,9 @@ export class Ways implements Layer {
       this.ways = ways;
       this.hovered = null;
       this.places = ways.map(({ points }) =>
-        (points.length > FEW ? points : curve(points, points.length > 12 ? 4 : 16)).map(([x, z]) => new THREE.Vector3(x, LIFT, z)),
+        (points.length > FEW ? points : curve(points, points.length > 12 ? 4 : 16)).map(
+          ([x, z]) => new THREE.Vector3(x, LIFT, z),
+        ),
       );
     }
     this.build();
@@ -63,8 +65,16 @@ export class Ways implements Layer {
   labels(): Label[] {
     return this.ways.flatMap((way, i) => {
       const places = this.places[i];
-      if (places.length === 0 || !way.label || (i !== this.hovered && !(way.chosen && this.hovered === null))) return [];
-      return [{ text: way.label, place: places[Math.floor(0.62 * (places.length - 1))].clone(), colour: this.colour(i), strong: i === this.hovered }];
+      if (places.length === 0 || !way.label || (i !== this.hovered && !(way.chosen && this.hovered === null)))
+        return [];
+      return [
+        {
+          text: way.label,
+          place: places[Math.floor(0.62 * (places.length - 1))].clone(),
+          colour: this.colour(i),
+          strong: i === this.hovered,
+        },
+      ];
     });
   }
 
@@ -90,16 +100,34 @@ export class Ways implements Layer {
       seen.map((i): RibbonLine => {
         const strong = strength(i) > 0;
         const points = this.places[i].map(({ x, z }) => ({ x, y: LIFT + (strong ? 0.003 : 0.001), z }));
-        return { points, colour: this.colour(i), width: strong ? 5 : 3, opacity: strong ? 1 : this.hovered === null ? 0.7 : 0.4 };
+        return {
+          points,
+          colour: this.colour(i),
+          width: strong ? 5 : 3,
+          opacity: strong ? 1 : this.hovered === null ? 0.7 : 0.4,
+        };
       }),
     );
     this.heads.set(
       seen.map((i) => {
         const places = this.places[i];
-        const [end, near] = [places[places.length - 1], places[Math.max(0, places.length - 1 - Math.ceil(places.length / 16))]];
+        const [end, near] = [
+          places[places.length - 1],
+          places[Math.max(0, places.length - 1 - Math.ceil(places.length / 16))],
+        ];
         const angle = Math.atan2(end.x - near.x, end.z - near.z);
         const wide = (strength(i) > 0 ? 0.19 : 0.15) * this.size;
-        return { x: end.x, z: end.z, y: LIFT + 0.004, angle, width: wide, length: 1.4 * wide, mark: "arrow", colour: this.colour(i), opacity: strength(i) > 0 ? 1 : 0.8 };
+        return {
+          x: end.x,
+          z: end.z,
+          y: LIFT + 0.004,
+          angle,
+          width: wide,
+          length: 1.4 * wide,
+          mark: "arrow",
+          colour: this.colour(i),
+          opacity: strength(i) > 0 ? 1 : 0.8,
+        };
       }),
     );
   }

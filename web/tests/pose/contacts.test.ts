@@ -22,18 +22,51 @@ describe("contacts", () => {
   });
 
   it("find feet that stand, slide, and swing", () => {
-    const still = contacts(rig, rows([[height, 0], [height, 0], [height, 0]]));
+    const still = contacts(
+      rig,
+      rows([
+        [height, 0],
+        [height, 0],
+        [height, 0],
+      ]),
+    );
     expect([...still.states]).toEqual(Array(12).fill(STANDS));
-    const slid = contacts(rig, rows([[height, 0], [height, 0.02], [height, 0.04]]));
+    const slid = contacts(
+      rig,
+      rows([
+        [height, 0],
+        [height, 0.02],
+        [height, 0.04],
+      ]),
+    );
     expect([...slid.states]).toEqual(Array(12).fill(SLIDES));
-    const fast = contacts(rig, rows([[height, 0], [height, 0.1], [height, 0.2]]));
+    const fast = contacts(
+      rig,
+      rows([
+        [height, 0],
+        [height, 0.1],
+        [height, 0.2],
+      ]),
+    );
     expect([...fast.states]).toEqual(Array(12).fill(AIR));
-    const high = contacts(rig, rows([[height + 0.2, 0], [height + 0.2, 0]]));
+    const high = contacts(
+      rig,
+      rows([
+        [height + 0.2, 0],
+        [height + 0.2, 0],
+      ]),
+    );
     expect([...high.states]).toEqual(Array(8).fill(AIR));
   });
 
   it("of some frames are those of all", () => {
-    const motion = rows([[height, 0], [height, 0], [height, 0.03], [height, 0.06], [height + 0.1, 0.06]]);
+    const motion = rows([
+      [height, 0],
+      [height, 0],
+      [height, 0.03],
+      [height, 0.06],
+      [height + 0.1, 0.06],
+    ]);
     const all = contacts(rig, motion);
     const some = contacts(rig, motion, 2, 4);
     expect([...some.states]).toEqual([...all.states.slice(8, 16)]);
@@ -46,7 +79,10 @@ describe("contacts", () => {
   });
 
   it("group joints by feet", () => {
-    expect(footGroups(rig)).toEqual([[0, 1], [2, 3]]);
+    expect(footGroups(rig)).toEqual([
+      [0, 1],
+      [2, 3],
+    ]);
     expect(footGroups({ ...rig, feet: [rig.feet[3], rig.feet[0]] })).toEqual([[1], [0]]);
   });
 });

@@ -15,19 +15,55 @@ describe("curves", () => {
   });
 
   it("are straight between two points and along a line", () => {
-    for (const [x, z] of curve([[0, 0], [2, 1]], 8)) expect(z).toBeCloseTo(x / 2, 9);
-    for (const [x, z] of curve([[0, 0], [1, 1], [5, 5]], 8)) expect(z).toBeCloseTo(x, 9);
+    for (const [x, z] of curve(
+      [
+        [0, 0],
+        [2, 1],
+      ],
+      8,
+    ))
+      expect(z).toBeCloseTo(x / 2, 9);
+    for (const [x, z] of curve(
+      [
+        [0, 0],
+        [1, 1],
+        [5, 5],
+      ],
+      8,
+    ))
+      expect(z).toBeCloseTo(x, 9);
   });
 
   it("do without points that coincide", () => {
-    const made = curve([[0, 0], [0, 0], [1, 0], [1, 0]], 4);
+    const made = curve(
+      [
+        [0, 0],
+        [0, 0],
+        [1, 0],
+        [1, 0],
+      ],
+      4,
+    );
     expect(made.length).toBe(5);
-    expect(curve([[1, 1], [1, 1]])).toEqual([[1, 1]]);
+    expect(
+      curve([
+        [1, 1],
+        [1, 1],
+      ]),
+    ).toEqual([[1, 1]]);
     expect(curve([])).toEqual([]);
   });
 
   it("turn smoothly at their points", () => {
-    const made = curve([[0, 0], [1, 0], [1, 1], [2, 1]], 200);
+    const made = curve(
+      [
+        [0, 0],
+        [1, 0],
+        [1, 1],
+        [2, 1],
+      ],
+      200,
+    );
     for (const at of [200, 400]) {
       const [a, b, c] = [made[at - 1], made[at], made[at + 1]];
       const turn = Math.atan2(c[1] - b[1], c[0] - b[0]) - Math.atan2(b[1] - a[1], b[0] - a[0]);
@@ -36,24 +72,62 @@ describe("curves", () => {
   });
 
   it("are sampled at even distances", () => {
-    const line = curve([[0, 0], [0.2, 0.5], [3, 1], [3, -1]], 50);
+    const line = curve(
+      [
+        [0, 0],
+        [0.2, 0.5],
+        [3, 1],
+        [3, -1],
+      ],
+      50,
+    );
     const made = evenly(line, 30);
     expect(made.length).toBe(30);
     expect(made[0]).toEqual([0, 0]);
     expect(distance(made[29], [3, -1])).toBeLessThan(1e-9);
     const steps = made.slice(1).map((point, i) => distance(point, made[i]));
     expect(Math.max(...steps) / Math.min(...steps)).toBeLessThan(1.06);
-    expect(lengthOf([[0, 0], [3, 4], [3, 5]])).toBe(6);
+    expect(
+      lengthOf([
+        [0, 0],
+        [3, 4],
+        [3, 5],
+      ]),
+    ).toBe(6);
   });
 
   it("are met where they are nearest", () => {
-    expect(nearest([[0, 0], [2, 0], [2, 2]], [1, 0.5])).toEqual({ distance: 0.5, after: 0, place: [1, 0] });
-    expect(nearest([[0, 0], [2, 0], [2, 2]], [3, 1]).after).toBe(1);
+    expect(
+      nearest(
+        [
+          [0, 0],
+          [2, 0],
+          [2, 2],
+        ],
+        [1, 0.5],
+      ),
+    ).toEqual({ distance: 0.5, after: 0, place: [1, 0] });
+    expect(
+      nearest(
+        [
+          [0, 0],
+          [2, 0],
+          [2, 2],
+        ],
+        [3, 1],
+      ).after,
+    ).toBe(1);
   });
 
   it("take a new point into the nearest stretch, without leaving their course there", () => {
-    const [from, to]: [Ground, Ground] = [[0, 0], [3, 0]];
-    const points: Ground[] = [[1, 1], [2, 1]];
+    const [from, to]: [Ground, Ground] = [
+      [0, 0],
+      [3, 0],
+    ];
+    const points: Ground[] = [
+      [1, 1],
+      [2, 1],
+    ];
     const made = inserted(from, points, to, [1.5, 1.4]);
     expect(made.at).toBe(1);
     expect(made.points.length).toBe(3);
@@ -71,7 +145,19 @@ describe("curves", () => {
     expect(few[0]).toEqual(stroke[0]);
     expect(few[few.length - 1]).toEqual(stroke[199]);
     for (const point of stroke) expect(nearest(few, point).distance).toBeLessThanOrEqual(0.02 + 1e-9);
-    expect(thinned([[0, 0], [1, 0], [2, 0]], 0.01)).toEqual([[0, 0], [2, 0]]);
+    expect(
+      thinned(
+        [
+          [0, 0],
+          [1, 0],
+          [2, 0],
+        ],
+        0.01,
+      ),
+    ).toEqual([
+      [0, 0],
+      [2, 0],
+    ]);
     expect(thinned([[0, 0]], 1)).toEqual([[0, 0]]);
   });
 });

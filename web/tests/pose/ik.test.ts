@@ -81,7 +81,9 @@ describe.each([false, true])("two-bone inverse kinematics (rig moved: %s)", (mov
     const normal = mid.clone().sub(upper).cross(end.clone().sub(mid)).normalize();
     const target = upper.clone().add(end.clone().sub(upper).multiplyScalar(0.8).applyAxisAngle(normal, 0.4));
     const made = reach(rig, pose, limb, target.toArray());
-    const bent = place(rig, made, limb.mid).sub(upper).cross(target.clone().sub(place(rig, made, limb.mid)));
+    const bent = place(rig, made, limb.mid)
+      .sub(upper)
+      .cross(target.clone().sub(place(rig, made, limb.mid)));
     expect(bent.normalize().dot(normal)).toBeGreaterThan(0.9999);
   });
 
@@ -143,7 +145,10 @@ describe.each([false, true])("two-bone inverse kinematics (rig moved: %s)", (mov
   it("moves the root's own place along", () => {
     const made = shifted(rig, rest(rig, 1, 2, 3), [1, 0, -1]);
     expect([...made.subarray(0, 3)]).toEqual([2, 2, 2]);
-    if (moved) expect([...made.subarray(rig.stride - 3 * rig.parents.length, rig.stride - 3 * rig.parents.length + 3)]).toEqual([2, 2, 2]);
+    if (moved)
+      expect([...made.subarray(rig.stride - 3 * rig.parents.length, rig.stride - 3 * rig.parents.length + 3)]).toEqual([
+        2, 2, 2,
+      ]);
   });
 });
 

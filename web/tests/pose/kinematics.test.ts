@@ -34,7 +34,9 @@ describe("forward kinematics", () => {
       rig.parents.forEach((parent, joint) => {
         const local = new Quaternion().fromArray(pose, 3 + 4 * joint).normalize();
         const offset = new Vector3().fromArray(rig.offsets, 3 * joint);
-        places.push(parent < 0 ? new Vector3().fromArray(pose) : offset.applyQuaternion(turns[parent]).add(places[parent]));
+        places.push(
+          parent < 0 ? new Vector3().fromArray(pose) : offset.applyQuaternion(turns[parent]).add(places[parent]),
+        );
         turns.push(parent < 0 ? local : turns[parent].clone().multiply(local));
         expect(places[joint].distanceTo(new Vector3(...placeOf(globals, joint)))).toBeLessThan(1e-6);
       });

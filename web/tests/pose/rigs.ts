@@ -52,7 +52,9 @@ export function humanoid(moved = false): Body {
     parents: JOINTS.map(([, parent]) => (parent === null ? -1 : names.indexOf(parent))),
     offsets: new Float32Array(JOINTS.flatMap(([, , ...offset]) => offset)),
     moved,
-    humanoid: Object.fromEntries(names.filter((name) => !name.includes("Twist")).map((name) => [name, names.indexOf(name)])),
+    humanoid: Object.fromEntries(
+      names.filter((name) => !name.includes("Twist")).map((name) => [name, names.indexOf(name)]),
+    ),
     stride: 3 + (moved ? 7 : 4) * joints,
     feet: ["LeftFoot", "LeftToe", "RightFoot", "RightToe"].map((name) => ({
       joint: names.indexOf(name),
@@ -70,7 +72,8 @@ export function randomPose(rig: Body, next: () => number, most = 0.8): Pose {
   pose.set([2 * next() - 1, 0.9 + 0.1 * next(), 2 * next() - 1]);
   for (let joint = 0; joint < joints; joint++) pose.set(randomTurn(next, most).toArray(), 3 + 4 * joint);
   if (rig.moved) {
-    for (let i = 0; i < 3 * joints; i++) pose[3 + 4 * joints + i] = i < 3 ? pose[i] : rig.offsets[i] * (1 + 0.1 * next());
+    for (let i = 0; i < 3 * joints; i++)
+      pose[3 + 4 * joints + i] = i < 3 ? pose[i] : rig.offsets[i] * (1 + 0.1 * next());
   }
   return pose;
 }
