@@ -2,7 +2,7 @@
 
 import * as autosave from "./document/autosave";
 import * as commands from "./document/commands";
-import { gapOf } from "./document/document";
+import { type Document, gapOf } from "./document/document";
 import { fromProject, toProject } from "./document/project";
 import { wholeMotion } from "./engine/motion";
 import type { Project } from "./protocol";
@@ -15,7 +15,12 @@ const LARGEST = 64 * 1024 * 1024;
 
 export async function openFile(studio: Studio, file: File): Promise<boolean> {
   try {
-    if (/\.(interpose|json)$/i.test(file.name)) await openProject(studio, await checkProject(file));
+    if (/\.(interpose|json)$/i.test(file.name)) {
+      const project = await checkProject(file).catch((error: Error) => {
+        throw new Error(`${file.name}: ${error.message}`);
+      });
+      await openProject(studio, project);
+    }
     else if (/\.bvh$/i.test(file.name)) {
       if (file.size > LARGEST) throw new Error(`${file.name} has more than ${LARGEST / 2 ** 20} MB; open a shorter clip`);
       await openClip(studio, file.name, await file.text());
@@ -41,7 +46,11 @@ export async function openProject(studio: Studio, project: Project): Promise<voi
 
 export async function openSample(studio: Studio): Promise<void> {
   await openProject(studio, await sample());
+  untouched = studio.document;
 }
+
+/** The sample as it was opened: there is no need to keep it. */
+let untouched: Document | null = null;
 
 /** The project as it is. */
 export function projectOf(studio: Studio): Project | null {
@@ -93,6 +102,7 @@ export async function start(studio: Studio, tab: string): Promise<"recovered" | 
   if (saved) {
     try {
       await openProject(studio, saved.project);
+      if (saved.changed) studio.written = null;
       studio.notices.say(`“${saved.project.name}” is as you left it.`);
       return "recovered";
     } catch (error) {
@@ -103,13 +113,11 @@ export async function start(studio: Studio, tab: string): Promise<"recovered" | 
   if (named.project) await openProject(studio, named.project);
   else if (named.source) await openClip(studio, named.source.name, named.source.text);
   else await openSample(studio);
-  const [left] = await autosave.others(tab).catch(() => []);
+  const left = (await autosave.others(tab).catch(() => [])).find(({ changed }) => changed);
   if (left) {
-    studio.notices.say(`“${left.project.name}” was not closed properly ${ago(left.saved)}.`, "info", {
+    studio.notices.say(`“${left.project.name}” was left unsaved ${ago(left.saved)}.`, "info", {
       label: "Recover",
-      run: () => {
-        void openProject(studio, left.project).then(() => autosave.forget(left.tab), (error) => studio.notices.warn(error));
-      },
+      run: () => void recover(studio, left),
     });
   }
   return named.project || named.source ? "opened" : "sample";
@@ -117,8 +125,19 @@ export async function start(studio: Studio, tab: string): Promise<"recovered" | 
 
 /** Keeps the project of this tab in the browser. */
 export async function keep(studio: Studio, tab: string): Promise<void> {
+  const { document } = studio;
   const project = projectOf(studio);
-  if (project) await autosave.save(tab, project);
+  if (project && document !== untouched) await autosave.save(tab, project, studio.changed);
+}
+
+async function recover(studio: Studio, { tab, project }: autosave.Saved): Promise<void> {
+  try {
+    await openProject(studio, project);
+    studio.written = null;
+    await autosave.forget(tab);
+  } catch (error) {
+    studio.notices.warn(error);
+  }
 }
 
 function ago(time: number): string {

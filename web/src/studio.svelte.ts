@@ -14,6 +14,7 @@ import { Generator } from "./engine/generator";
 import { poseBetween, rowsBetween, sourceAt } from "./engine/motion";
 import { Notices } from "./notices.svelte";
 import type { GapSettings, MethodInfo, Suggested, WayInfo } from "./protocol";
+import { groundOf } from "./pose/place";
 import type { Pose, Rig } from "./rig";
 import { openRig } from "./server/api";
 import type { State as ConnectionState } from "./server/connection";
@@ -322,7 +323,7 @@ export class Studio {
 
   // ---- gaps
 
-  gaps(): Gap[] {
+  gaps(): readonly Gap[] {
     return this.document ? gapsOf(this.document) : [];
   }
 
@@ -363,7 +364,7 @@ export class Studio {
     try {
       const { header } = await this.ask(
         { type: "paths", rig: this.rig!.id, style, blend, frames, count, seed },
-        this.ends(gap),
+        this.endsOf(gap),
       );
       if (this.selection.gap !== gap.id) return;
       this.ways = header.ways;
@@ -391,12 +392,18 @@ export class Studio {
     if (phase === "end") this.release();
   }
 
+  /** Where on the ground the selected gap begins and ends. */
+  get ends(): { readonly from: [number, number]; readonly to: [number, number] } | null {
+    const gap = this.selectedGap;
+    const { rig } = this;
+    return gap && rig && { from: groundOf(rig, gap.left.pose), to: groundOf(rig, gap.right.pose) };
+  }
+
   get line(): LineView | null {
     const gap = this.selectedGap;
     const path = gap?.settings.path;
     if (!gap || path?.kind !== "line" || !path.drawn) return null;
-    const { left, right } = gap;
-    return { from: [left.pose[0], left.pose[2]], to: [right.pose[0], right.pose[2]], points: path.points };
+    return { ...(this.ends as { from: [number, number]; to: [number, number] }), points: path.points };
   }
 
   // ---- what was generated
@@ -491,7 +498,7 @@ export class Studio {
   async suggest(gap: Gap): Promise<void> {
     try {
       const { style, blend } = gap.settings;
-      const { header } = await this.ask({ type: "suggest", rig: this.rig!.id, style, blend }, this.ends(gap));
+      const { header } = await this.ask({ type: "suggest", rig: this.rig!.id, style, blend }, this.endsOf(gap));
       if (this.selection.gap === gap.id) this.suggested = header;
     } catch {
       this.suggested = null; // no gallery reaches so far, or the rig is no humanoid: there is nothing to offer
@@ -507,7 +514,7 @@ export class Studio {
     }
   }
 
-  private ends(gap: Gap): Arrays {
+  private endsOf(gap: Gap): Arrays {
     const stride = this.rig!.stride;
     return {
       start: { shape: [1, stride], values: gap.left.pose },

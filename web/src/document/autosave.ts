@@ -13,11 +13,13 @@ export interface Saved {
   readonly tab: string;
   readonly saved: number;
   readonly project: Project;
+  /** Whether there is something in it that was not written to a file. */
+  readonly changed: boolean;
 }
 
-export async function save(tab: string, project: Project): Promise<void> {
+export async function save(tab: string, project: Project, changed: boolean): Promise<void> {
   const store = await open("readwrite");
-  await done(store.put({ tab, saved: Date.now(), project } satisfies Saved));
+  await done(store.put({ tab, saved: Date.now(), project, changed } satisfies Saved));
 }
 
 export async function load(tab: string): Promise<Saved | null> {

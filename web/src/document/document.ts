@@ -57,26 +57,36 @@ export function newId(): string {
   return crypto.randomUUID().slice(0, 12);
 }
 
-export function gapsOf(document: Document): Gap[] {
-  return document.keys.slice(0, -1).map((_, index) => gapAt(document, index));
+/** Of each document once, for it never changes. */
+const known = new WeakMap<Document, { readonly gaps: readonly Gap[]; readonly byId: ReadonlyMap<string, Gap> }>();
+
+function indexOf(document: Document) {
+  let index = known.get(document);
+  if (!index) {
+    const gaps = document.keys.slice(0, -1).map((left, i): Gap => {
+      const right = document.keys[i + 1];
+      return { id: left.id, index: i, left, right, frames: right.frame - left.frame - 1, settings: left.after };
+    });
+    index = { gaps, byId: new Map(gaps.map((gap) => [gap.id, gap])) };
+    known.set(document, index);
+  }
+  return index;
 }
 
-function gapAt(document: Document, index: number): Gap {
-  const left = document.keys[index];
-  const right = document.keys[index + 1];
-  return { id: left.id, index, left, right, frames: right.frame - left.frame - 1, settings: left.after };
+/** All gaps in order; the same objects whenever the same document is asked. */
+export function gapsOf(document: Document): readonly Gap[] {
+  return indexOf(document).gaps;
 }
 
 /** The gap after the key `id`, or null where that is the last key or none. */
 export function gapOf(document: Document, id: string | null): Gap | null {
-  const index = document.keys.findIndex((key) => key.id === id);
-  return index < 0 || index === document.keys.length - 1 ? null : gapAt(document, index);
+  return indexOf(document).byId.get(id ?? "") ?? null;
 }
 
 /** The gap that holds a frame strictly between its keys, or that begins there; null outside. */
 export function gapAtFrame(document: Document, frame: number): Gap | null {
   const index = document.keys.findLastIndex((key) => key.frame <= frame);
-  return index < 0 || index === document.keys.length - 1 ? null : gapAt(document, index);
+  return gapsOf(document)[index] ?? null;
 }
 
 export function keyOf(document: Document, id: string | null): Key | null {

@@ -8,7 +8,7 @@
  */
 
 import type { Document, Gap } from "../document/document";
-import { gapOf, gapsOf } from "../document/document";
+import { gapOf, gapsOf, LONGEST_GAP } from "../document/document";
 import type { CandidateInfo, Candidates, Dropped, GapSettings, Generate } from "../protocol";
 import type { Pose, Rig } from "../rig";
 import type { Answer, Question } from "../server/connection";
@@ -57,6 +57,7 @@ const REMEMBERED = 200;
 export class Generator {
   private entries = new Map<string, Entry>();
   private remembered = new Map<string, { want: Want; result: Result }>();
+  private signatures = new WeakMap<Gap, string>();
   private poseIds = new WeakMap<Pose, number>();
   private nextPose = 1;
   private document: Document | null = null;
@@ -179,6 +180,11 @@ export class Generator {
 
   private request(gap: Gap, want: Want, live: boolean): void {
     const entry = this.entry(gap.id);
+    if (gap.frames > LONGEST_GAP) {
+      const reason = `the gap has ${gap.frames} frames, and ${LONGEST_GAP} are the most; set a key in between`;
+      entry.failure = { want, reason };
+      return;
+    }
     if (entry.asking && same(entry.asking.want, want) && (entry.asking.live === live || live)) return;
     if (entry.asking?.live && live) return; // the next sync asks for the newest, once this one has come
     const { stride } = this.document!;
@@ -244,12 +250,19 @@ export class Generator {
     };
   }
 
+  /** All that a gap's candidates follow from but the motion before it, as one word. */
   private signature(gap: Gap): string {
-    const { chosen: _chosen, locked: _locked, speed: _speed, ...asked } = gap.settings satisfies GapSettings;
-    // Where the clip's own motion follows, the gap is made to run into it; a gap that was locked followed this one anyway.
-    const later = this.gap(gap.right.id);
-    const runsInto = later?.settings.method === "clip" ? later.left.source : null;
-    return JSON.stringify([asked, gap.frames, this.poseId(gap.left.pose), this.poseId(gap.right.pose), runsInto]);
+    let signature = this.signatures.get(gap);
+    if (signature === undefined) {
+      const { chosen: _chosen, locked: _locked, speed: _speed, ...asked } = gap.settings satisfies GapSettings;
+      // Where the clip's own motion follows, the gap is made to run into it; what is locked after it followed it anyway.
+      const later = this.gap(gap.right.id);
+      const runsInto = later?.settings.method === "clip" ? later.left.source : null;
+      const poses = [this.poseId(gap.left.pose), this.poseId(gap.right.pose)];
+      signature = JSON.stringify([asked, gap.frames, ...poses, runsInto]);
+      this.signatures.set(gap, signature);
+    }
+    return signature;
   }
 
   private poseId(pose: Pose): number {

@@ -12,6 +12,9 @@ const SHADOW_REACH = 1.9;
 /** Of the picture's edge around what is framed. */
 const MARGIN = 1.16;
 
+/** Pixels of the picture for a CSS pixel, where it is drawn without a graphics card. */
+const PLAIN_RATIO = 0.7;
+
 export class Stage {
   readonly scene = new THREE.Scene();
   readonly camera = new THREE.PerspectiveCamera(32, 1, 0.05, 400);
@@ -22,6 +25,7 @@ export class Stage {
   height = 1;
   ratio = 1;
   private readonly renderer: THREE.WebGLRenderer;
+  private readonly plain: boolean;
   private readonly ground = new Ground();
   private readonly sky = new THREE.HemisphereLight();
   private readonly lamp = new THREE.DirectionalLight();
@@ -33,10 +37,11 @@ export class Stage {
   private last = 0;
 
   constructor(readonly canvas: HTMLCanvasElement) {
+    this.plain = isPlain();
     try {
       this.renderer = new THREE.WebGLRenderer({
         canvas,
-        antialias: true,
+        antialias: !this.plain,
         stencil: true,
         powerPreference: "high-performance",
       });
@@ -47,7 +52,7 @@ export class Stage {
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
     this.renderer.toneMapping = THREE.NeutralToneMapping;
     this.lamp.castShadow = true;
-    this.lamp.shadow.mapSize.set(1024, 1024);
+    this.lamp.shadow.mapSize.setScalar(this.plain ? 512 : 1024);
     this.lamp.shadow.bias = -0.0004;
     this.lamp.shadow.normalBias = 0.028;
     this.lamp.shadow.intensity = 0.7;
@@ -99,7 +104,8 @@ export class Stage {
     const { clientWidth, clientHeight } = this.canvas;
     this.width = Math.max(1, clientWidth);
     this.height = Math.max(1, clientHeight);
-    this.ratio = Math.min(2, globalThis.devicePixelRatio || 1);
+    const ratio = globalThis.devicePixelRatio || 1;
+    this.ratio = this.plain ? PLAIN_RATIO : Math.min(2, ratio);
     this.renderer.setPixelRatio(this.ratio);
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
@@ -213,4 +219,15 @@ export class Stage {
     this.camera.updateMatrixWorld();
     this.draw();
   }
+}
+
+/** Whether to draw plainly, for want of a graphics card; `?draw=plain` and `?draw=full` in the address decide it, too. */
+function isPlain(): boolean {
+  const asked = new URLSearchParams(location.search).get("draw");
+  if (asked !== null) return asked === "plain";
+  const context = document.createElement("canvas").getContext("webgl2");
+  const named = context?.getExtension("WEBGL_debug_renderer_info");
+  const renderer: unknown = named ? context?.getParameter(named.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(String(renderer));
 }

@@ -36,10 +36,11 @@ describe("a project file", () => {
 describe("the browser's own copy", () => {
   it("is found again by its tab, and offered to other tabs, newest first", async () => {
     const project = (name: string) => ({ ...toProject(CLIP, () => null), name });
-    await autosave.save("one", project("first"));
-    await autosave.save("two", project("second"));
-    await autosave.save("one", project("first again"));
+    await autosave.save("one", project("first"), true);
+    await autosave.save("two", project("second"), false);
+    await autosave.save("one", project("first again"), true);
     expect((await autosave.load("one"))?.project.name).toBe("first again");
+    expect((await autosave.load("two"))?.changed).toBe(false);
     expect(await autosave.load("three")).toBeNull();
     expect((await autosave.others("three")).map((saved) => saved.tab).sort()).toEqual(["one", "two"]);
     expect((await autosave.others("one")).map((saved) => saved.tab)).toEqual(["two"]);
@@ -48,7 +49,7 @@ describe("the browser's own copy", () => {
   });
 
   it("is bounded: eight of other tabs are kept", async () => {
-    for (let i = 0; i < 12; i++) await autosave.save(`tab ${i}`, toProject(CLIP, () => null));
+    for (let i = 0; i < 12; i++) await autosave.save(`tab ${i}`, toProject(CLIP, () => null), true);
     await autosave.others("mine");
     expect(await autosave.others("mine")).toHaveLength(8);
   });
