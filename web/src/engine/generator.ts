@@ -185,8 +185,8 @@ export class Generator {
       entry.failure = { want, reason };
       return;
     }
-    if (entry.asking && same(entry.asking.want, want) && (entry.asking.live === live || live)) return;
-    if (entry.asking?.live && live) return; // the next sync asks for the newest, once this one has come
+    if (entry.asking?.live) return; // it comes soon; then the next sync asks for the newest, or for the whole
+    if (entry.asking && same(entry.asking.want, want)) return;
     const { stride } = this.document!;
     const asking = { want, live };
     entry.asking = asking;

@@ -157,8 +157,10 @@ describe("while something is dragged", () => {
       ["k0", 1, true],
       ["k20", 1, true],
     ]);
-    await asked[0].answer(0.6);
     show(document);
+    expect(asked).toHaveLength(2); // the live ones come first, and are shown
+    await asked[0].answer(0.6);
+    expect(generator.rows(gap("k0"))[0]).toBeCloseTo(0.6, 6);
     const last = asked.at(-1)!.question;
     expect([last.gap, last.frames, last.variants, last.live]).toEqual(["k0", 21, 4, false]);
   });

@@ -1,0 +1,172 @@
+"""How long after an edit the studio shows new frames, and how long until all candidates are there.
+
+    python benchmarks/studio.py [--repeats N] [--port P]
+
+Starts a studio. The first table asks its websocket as the browser does, from the question's first byte to the answer's
+last: one candidate while something is dragged (`live`), and eight. The second table, where there is a Chromium, drives
+the page: a key pose is moved by a few centimetres as if by a drag, and what is timed is from that change to the picture
+with the first new frames of the gap, and on from letting go to the picture with all four candidates. The browser draws
+in software here, on the same two cores. The budget: first frames within 150 ms. Medians of N, best and worst beside.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from statistics import median
+from urllib.error import URLError
+from urllib.request import Request, urlopen
+
+import numpy as np
+from websockets.sync.client import ClientConnection, connect
+
+from interpose.studio import wire
+from interpose.studio.protocol import ASKED, TOLD
+from interpose.studio.rows import of_motion
+from interpose.studio.sample import sample
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from browsing import SIZE, free_port, settle
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+GAPS = (30, 60, 120, 300)
+MOVE = """async ([frames, repeats]) => {
+    const { studio } = window.interpose;
+    const picture = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const until = async (met) => { while (!met()) await picture(); await picture(); return performance.now(); };
+    const [gap] = studio.gaps();
+    studio.setFrames(gap.id, frames);
+    studio.selectGap(gap.id);
+    studio.goTo(Math.floor(frames / 2));
+    await until(() => studio.settled);
+    const told = [];
+    for (let i = 0; i < repeats; i++) {
+        const had = studio.result(gap.id);
+        const pose = studio.gaps()[0].right.pose.slice();
+        pose[0] += i % 2 ? 0.04 : -0.04;
+        const began = performance.now();
+        studio.goTo(studio.gaps()[0].right.frame);
+        studio.changePose(pose, "drag");
+        const first = await until(() => studio.result(gap.id) !== had);
+        const free = performance.now();
+        studio.release();
+        const all = await until(() => studio.result(gap.id)?.candidates.length === 4 && studio.state(studio.gaps()[0]) === "ready");
+        await until(() => studio.settled);
+        told.push([first - began, all - free]);
+    }
+    return told;
+}"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--port", type=int, default=0, help="of a studio that runs; one is started where left out")
+    given = parser.parse_args()
+    port = given.port or free_port()
+    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
+    server = None if given.port else subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    try:
+        _wait(f"http://127.0.0.1:{port}/")
+        _socket(port, given.repeats)
+        _page(port, given.repeats)
+    finally:
+        if server is not None:
+            server.terminate()
+
+
+def _socket(port: int, repeats: int) -> None:
+    home = f"http://127.0.0.1:{port}"
+    project = sample()
+    post = Request(f"{home}/api/rigs?name=sample.bvh", project.source.text.encode(), {"Origin": home})
+    with urlopen(post) as answer:
+        rig = answer.read()
+    from interpose.io import bvh
+
+    clip = bvh.parse(project.source.text.encode(), "sample.bvh")
+    ends = {"start": of_motion(clip[0]), "target": of_motion(clip[1])}
+    (length,) = np.frombuffer(rig[:4], "<u4")
+    import json
+
+    number = json.loads(rig[4 : 4 + int(length)])["id"]
+    print("websocket              one candidate, live        eight candidates")
+    with connect(f"ws://127.0.0.1:{port}/api/socket", origin=home, max_size=None) as socket:  # type: ignore[arg-type]
+        socket.recv()
+        for frames in GAPS:
+            told = []
+            for variants, live in ((1, True), (8, False)):
+                told.append([_ask(socket, number, ends, frames, variants, live) for _ in range(repeats + 2)][2:])
+            print(f"{frames:4} frames        " + "     ".join(_spread(each) for each in told))
+
+
+def _ask(
+    socket: ClientConnection, rig: str, ends: dict[str, np.ndarray], frames: int, variants: int, live: bool
+) -> float:
+    asked = ASKED.validate_python(
+        {
+            "type": "generate",
+            "id": 1,
+            "rig": rig,
+            "gap": "gap",
+            "frames": frames,
+            "method": "dcmoe",
+            "style": "Chicken",
+            "path": {"kind": "auto"},
+            "variants": variants,
+            "seed": 1,
+            "live": live,
+            "arrays": wire.shapes(ends),
+        }
+    )
+    began = time.perf_counter()
+    socket.send(wire.pack(asked, ends))
+    data = socket.recv()
+    seconds = time.perf_counter() - began
+    assert isinstance(data, bytes)
+    header, _ = wire.unpack(data, TOLD)
+    assert header.type == "candidates", header
+    return 1000 * seconds
+
+
+def _page(port: int, repeats: int) -> None:
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        print("no Chromium on PATH: the page is not timed")
+        return
+    from playwright.sync_api import sync_playwright
+
+    print("page                   edit to first frames       letting go to four candidates")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        context = browser.new_context(viewport=SIZE, reduced_motion="reduce")  # type: ignore[arg-type]
+        context.add_init_script("localStorage.setItem('interpose-toured', '1')")
+        for frames in GAPS:
+            page = context.new_page()
+            page.goto(f"http://127.0.0.1:{port}/")
+            settle(page)
+            told = page.evaluate(MOVE, [frames, repeats])
+            print(f"{frames:4} frames        " + "     ".join(_spread([row[i] for row in told]) for i in (0, 1)))
+            page.close()
+        browser.close()
+
+
+def _spread(ms: list[float]) -> str:
+    return f"{median(ms):5.0f} ms ({min(ms):.0f} to {max(ms):.0f})"
+
+
+def _wait(url: str) -> None:
+    for _ in range(600):
+        try:
+            urlopen(url, timeout=5).close()
+            return
+        except (URLError, OSError):
+            time.sleep(0.2)
+    raise SystemExit(f"no studio at {url}")
+
+
+if __name__ == "__main__":
+    main()

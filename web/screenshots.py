@@ -1,0 +1,98 @@
+"""The pictures of docs/studio.md, taken in a real Chromium: `python web/screenshots.py docs`.
+
+Starts a studio of its own; what is generated is generated then. Needs the development tools and a Chromium.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+from browsing import SIZE, free_port, settle  # noqa: E402
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def whole(page: Page) -> None:
+    """The sample scene with a gap's candidates."""
+    page.get_by_test_id("gap-39").click()
+    settle(page)
+    page.evaluate("() => window.interpose.studio.goTo(72)")
+    page.keyboard.press("f")
+
+
+def paths(page: Page) -> None:
+    """Ways of the gallery on the ground, in dark."""
+    page.get_by_test_id("theme").click()
+    page.get_by_test_id("gap-103").click()
+    page.get_by_test_id("path-choose").click()
+    page.get_by_test_id("way-2").click()
+    settle(page)
+    page.evaluate("() => window.interpose.studio.goTo(128)")
+    page.evaluate("() => (window.interpose.studio.show = { ...window.interpose.studio.show, others: false })")
+    page.keyboard.press("f")
+
+
+def pose(page: Page) -> None:
+    """A key pose that is changed by its hands, feet and hips."""
+    page.get_by_test_id("key-103").click()
+    page.get_by_test_id("tool-reach").click()
+    page.evaluate("() => window.interpose.viewport().focus()")
+
+
+PICTURES: dict[str, Callable[[Page], None]] = {"studio": whole, "studio-paths": paths, "studio-pose": pose}
+
+
+def main(folder: Path) -> None:
+    port = free_port()
+    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
+    url = f"http://127.0.0.1:{port}/"
+    server = subprocess.Popen(command)
+    try:
+        _wait(url)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+            for name, show in PICTURES.items():
+                context = browser.new_context(viewport=SIZE, reduced_motion="reduce", color_scheme="light")
+                context.add_init_script("localStorage.setItem('interpose-toured', '1')")
+                page = context.new_page()
+                page.goto(f"{url}?draw=full")
+                settle(page)
+                show(page)
+                page.mouse.move(640, 715)
+                page.wait_for_timeout(2500)
+                path = folder / f"{name}.png"
+                page.screenshot(path=path)
+                _small(path)
+                context.close()
+    finally:
+        server.terminate()
+
+
+def _wait(url: str) -> None:
+    for _ in range(600):
+        try:
+            urlopen(url, timeout=5).close()
+            return
+        except (URLError, OSError):
+            time.sleep(0.2)
+    raise SystemExit(f"no studio at {url}")
+
+
+def _small(path: Path) -> None:
+    """A palette in place of true colours: a third of the bytes, and the same to the eye."""
+    Image.open(path).convert("RGB").quantize(256, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
