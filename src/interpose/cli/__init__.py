@@ -49,7 +49,9 @@ def _run(arguments: list[str]) -> int:
     from interpose.cli import commands
 
     prog, described = "interpose", f"{_DESCRIPTION} `interpose --version` prints the version."
-    named = ("demo", "info", "fill", "between", "models", "gallery", "prepare", "train", "export", "evaluate")
+    named = (
+        "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "train", "export", "evaluate",
+    )  # fmt: skip
     called = {name: getattr(commands, name) for name in named}
     if arguments[:1] == ["gallery"]:
         prog, described, arguments = "interpose gallery", commands.gallery.__doc__ or "", arguments[1:]

@@ -345,6 +345,26 @@ def demo(out: OutFolder = "interpose-demo") -> int:
     return show(out)
 
 
+def studio(
+    clip: Annotated[Positional[str | None], arg(metavar="CLIP", help_behavior_hint=_SAID)] = None,
+    /,
+    port: Annotated[int | None, arg(metavar="P", help_behavior_hint=_SAID)] = None,
+    no_browser: bool = False,
+) -> int:
+    """Open the studio, the authoring tool, in the browser: keys, gaps, styles and paths. Ctrl+C stops it.
+
+    It can be reached from this machine only.
+
+    Args:
+        clip: A BVH file or a project (.interpose) to open; where left out, what was open last, or a sample scene.
+        port: Where it listens; 8360, or the next that is free, where left out.
+        no_browser: Only print the address.
+    """
+    from interpose.cli import studio as opening
+
+    return opening.studio(clip, port, no_browser)
+
+
 def _nothing(command: str, wanted: str) -> int:
     print(f"interpose {command}: name at least one {wanted}", file=sys.stderr)
     return 2

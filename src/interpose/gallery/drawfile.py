@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -129,6 +130,21 @@ def of_points(points: Any) -> DrawnFile:
     """A line for any gap from points (x, z) in metres, rows of an array or of lists. Raises InputError as `read`."""
     held = points.tolist() if isinstance(points, ndarray) else [list(point) for point in points]
     return DrawnFile(_line({"points": held}, "the path's ", _FIELDS), {}, name="the path")
+
+
+def of_line(
+    points: Sequence[Sequence[float]], times: Sequence[float] | None, facing: Sequence[float] | None
+) -> DrawnFile:
+    """A line for any gap from what :class:`Drawn` has, the facing in radians. Raises InputError as `read`."""
+    held: dict[str, Any] = {"points": [list(point) for point in points]}
+    if times is not None:
+        held["times"] = list(times)
+    line = _line(held, "the path's ", _FIELDS)
+    if facing is not None:
+        listed = _one_a_point(list(facing), "the path's facing", len(points), "radians")
+        turned = np.array([_number(value, f"the path's facing[{i}]") for i, value in enumerate(listed)])
+        line = Drawn(line.points, line.times, turned)
+    return DrawnFile(line, {}, name="the path")
 
 
 def _parsed(path: Path) -> Any:

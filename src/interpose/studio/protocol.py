@@ -1,11 +1,11 @@
 """All that the studio's server and its browser say to one another, in this one file.
 
-The TypeScript types are made from it (`python -m interpose.studio.protocol` prints the JSON schema, `web/src/protocol.ts`
-is generated; a test holds the two together).
+The TypeScript types are made from it (`python -m interpose.studio.protocol` prints the JSON schema, and
+`web/src/protocol.ts` is generated; a test holds the two together).
 
-**Frames on the wire.** Every message of the websocket, and every body of HTTP that holds poses, is an envelope: four
-bytes with the length of a JSON header (unsigned, little-endian), the header in UTF-8 padded with spaces to a multiple of
-four, then the arrays that the header's `arrays` names, in that order, as little-endian 32-bit floats (`wire`).
+**Envelopes.** Every message of the websocket, and every body of HTTP that holds poses, is an envelope: four bytes with
+the length of a JSON header (unsigned, little-endian), the header in UTF-8 padded with spaces to a multiple of four, then
+the arrays that the header's `arrays` names, in that order, as little-endian 32-bit floats (`wire`).
 
 **Poses.** A pose of a rig with J joints is one row of 3 + 4 J floats: the root's position in metres, then each joint's
 rotation in its parent's frame as a quaternion (x, y, z, w). Where the rig is ``moved`` (its file animates the positions
@@ -104,7 +104,7 @@ class Ends(Part):
 
 
 class Generate(Ends):
-    """Candidates for a gap. live: while something is dragged; one candidate, as soon as can be. Answer: `candidates`."""
+    """Candidates for a gap. Answer: `candidates`. live: while something is dragged; one candidate, soon."""
 
     type: Literal["generate"]
     gap: Id
@@ -161,7 +161,7 @@ Asked = Annotated[Generate | Cancel | Suggest | Paths | Mirror | Library, Field(
 
 
 class MethodInfo(Part):
-    """A method that can be asked for. styles: of its model; empty for interpolation. paths: whether it follows paths."""
+    """A method that can be asked for. styles: of its model, none for interpolation. paths: whether it follows them."""
 
     method: Method
     model: str | None

@@ -1,0 +1,35 @@
+"""`interpose studio`: reads what is to be opened, finds the front end, and serves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from interpose.errors import InputError
+from interpose.io import bvh
+from interpose.io.files import read_whole
+from interpose.studio import front, projects
+from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Source
+from interpose.studio.rigs import Shelf
+from interpose.studio.serve import serve
+
+SUFFIXES = (".bvh", ".interpose")
+
+
+def studio(clip: str | None, port: int | None, no_browser: bool) -> int:
+    opened = read(clip)
+    return serve(opened, front.find(), port, browse=not no_browser)
+
+
+def read(clip: str | None) -> Opened:
+    """What the browser is to open. Raises InputError, before any server starts, where it cannot be opened."""
+    if clip is None:
+        return Opened(source=None, project=None)
+    name = Path(clip).name
+    if Path(clip).suffix.lower() not in SUFFIXES:
+        raise InputError(f"{clip}: the studio opens {' and '.join(SUFFIXES)} files")
+    data = read_whole(clip, LARGEST_UPLOAD)
+    if Path(clip).suffix.lower() == ".interpose":
+        return Opened(source=None, project=projects.read(data, Shelf(), clip))
+    layout = bvh.parse(data, clip).layout
+    assert isinstance(layout, bvh.BvhLayout)
+    return Opened(source=Source(name=name[:120], text=data.decode(layout.encoding)), project=None)

@@ -1,0 +1,50 @@
+"""The poses that ship, on any humanoid rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from interpose import retarget
+from interpose.demo import poses
+from interpose.demo.poses import Pose
+from interpose.motion import Motion, concatenate
+from interpose.studio.rigs import Clip
+
+POSES: dict[str, Pose] = {
+    "Stand": poses.STAND,
+    "Walk, left foot": poses.WALK_LEFT,
+    "Walk, right foot": poses.WALK_RIGHT,
+    "Run, left foot": poses.RUN_LEFT,
+    "Run, right foot": poses.mirrored(poses.RUN_LEFT),
+    "Wary": poses.WARY,
+    "Aeroplane": poses.AEROPLANE,
+    "Angry": poses.ANGRY,
+    "Drunk": poses.DRUNK,
+    "Chicken": poses.CHICKEN,
+    "Karate": poses.KARATE,
+}
+"""By the names that a person sees."""
+
+
+def posed(clip: Clip) -> Motion:
+    """A frame for each of :data:`POSES` on the rig: on the floor, the hips above the origin, looking along +Z.
+
+    What the 22 joints do not have, such as fingers, is as in the file's first frame. Raises InputError for a rig that
+    is no humanoid.
+    """
+    mapping, like = clip.humanoid, clip.motion[0]
+    like = replace(like, root_positions=np.zeros((1, 3)))
+    if like.translations is not None:
+        places = like.translations.copy()
+        places[:, 0] = 0.0
+        like = replace(like, translations=places)
+    whole = concatenate(*(poses.pose(one) for one in POSES.values()))
+    on_rig = retarget.from_humanoid(whole, mapping, like)
+    away = on_rig.global_positions()[:, mapping.hips] * [1.0, 0.0, 1.0]
+    moved = on_rig.translations
+    if moved is not None:
+        moved = moved.copy()
+        moved[:, 0] -= away
+    return replace(on_rig, root_positions=on_rig.root_positions - away, translations=moved, rate=clip.motion.rate)

@@ -1,0 +1,100 @@
+"""Starts the studio's server on the loopback, and a browser on it; runs until it is interrupted."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+import webbrowser
+from pathlib import Path
+
+import uvicorn
+
+from interpose.errors import InputError
+from interpose.studio import methods
+from interpose.studio.app import create_app
+from interpose.studio.protocol import LARGEST_MESSAGE, Opened
+
+PORT = 8360
+TRIED = 20
+"""Ports from :data:`PORT` on that are tried before any that is free."""
+_LOOPBACK = "127.0.0.1"
+
+
+def serve(opened: Opened, front: Path | None, port: int | None, browse: bool) -> int:
+    """Serves until it is interrupted; the exit status. Raises InputError where the port cannot be had."""
+    listening = listen(port)
+    number = listening.getsockname()[1]
+    sessions = methods.load()
+    app = create_app(number, sessions, front=front, opened=opened)
+    address = f"http://{_LOOPBACK}:{number}"
+    print(f"The studio is at {address} (Ctrl+C stops it).", file=sys.stderr, flush=True)
+    threading.Thread(target=_warm, args=(sessions,), daemon=True).start()
+    if browse:
+        threading.Thread(target=_browse, args=(address,), daemon=True).start()
+    config = uvicorn.Config(
+        app,
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        ws_max_size=2 * LARGEST_MESSAGE,  # what is larger than one is refused in words
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=2,
+    )
+    try:
+        uvicorn.Server(config).run(sockets=[listening])
+    except KeyboardInterrupt:
+        pass
+    return 0
+
+
+def listen(port: int | None) -> socket.socket:
+    """A socket on that port of the loopback, or on the first that is free from :data:`PORT` on.
+
+    Raises InputError where a port that was asked for cannot be had.
+    """
+    if port is not None:
+        if not 0 <= port <= 65535:
+            raise InputError(f"--port must be 0 to 65535, got {port}")
+        try:
+            return _listening(port)
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise InputError(f"port {port} cannot be had ({why}); leave out --port, or choose another") from None
+    for one in (*range(PORT, PORT + TRIED), 0):
+        try:
+            return _listening(one)
+        except OSError:
+            continue
+    raise InputError("no port of this machine is free; close a program that listens on one")
+
+
+def _listening(port: int) -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((_LOOPBACK, port))
+        made.listen(128)
+    except OSError:
+        made.close()
+        raise
+    return made
+
+
+def _warm(sessions: methods.Sessions) -> None:
+    try:
+        methods.warm(sessions)
+    except InputError as error:
+        print(f"interpose: {error}", file=sys.stderr, flush=True)
+
+
+def _browse(address: str) -> None:
+    """Opens a browser where there is a screen; the address is printed in any case."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return
+    try:
+        webbrowser.open(address)
+    except Exception:  # whatever goes wrong in a browser, the address has been printed
+        return

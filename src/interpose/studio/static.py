@@ -1,0 +1,50 @@
+"""The built front end's files, and nothing else."""
+
+from __future__ import annotations
+
+import re
+import stat
+from pathlib import Path
+
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".ico": "image/x-icon",
+    ".woff2": "font/woff2",
+    ".wasm": "application/wasm",
+    ".json": "application/json",
+    ".map": "application/json",
+    ".txt": "text/plain; charset=utf-8",
+    ".glb": "model/gltf-binary",
+}
+_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
+_HASHED = re.compile(r"assets/.*-[A-Za-z0-9_-]{8}\.\w+")
+"""What Vite names after its contents."""
+
+
+def found(folder: Path | None, path: str) -> Response:
+    """The file at a path of the address, the page itself where that is empty. Raises HTTPException where none is."""
+    if folder is None:
+        raise HTTPException(503, "the studio's front end is not built; start the studio without --no-front-end")
+    path = path or "index.html"
+    file = folder
+    for name in path.split("/"):
+        file = file / name
+        if not _NAME.fullmatch(name) or file.is_symlink():
+            raise HTTPException(404)
+    try:
+        regular = stat.S_ISREG(file.lstat().st_mode)
+        data = file.read_bytes() if regular else b""
+    except OSError:
+        regular, data = False, b""
+    if not regular or file.suffix not in KINDS:
+        raise HTTPException(404)
+    keep = "public, max-age=31536000, immutable" if _HASHED.fullmatch(path) else "no-cache"
+    return Response(data, media_type=KINDS[file.suffix], headers={"cache-control": keep})
