@@ -15,7 +15,7 @@ export interface Protocol {
   opened: Opened;
 }
 /**
- * Candidates for a gap. live: while something is dragged; one candidate, as soon as can be. Answer: `candidates`.
+ * Candidates for a gap. Answer: `candidates`. live: while something is dragged; one candidate, soon.
  */
 export interface Generate {
   id: number;
@@ -133,7 +133,7 @@ export interface Welcome {
   };
 }
 /**
- * A method that can be asked for. styles: of its model; empty for interpolation. paths: whether it follows paths.
+ * A method that can be asked for. styles: of its model, none for interpolation. paths: whether it follows them.
  */
 export interface MethodInfo {
   method: "dcmoe" | "stitch" | "interp";
