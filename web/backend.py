@@ -1,7 +1,7 @@
-"""The packaging backend that pyproject.toml names: hatchling, with the studio's front end built into the wheel.
+"""The packaging backend that pyproject.toml names: hatchling, which asks for a Node only where it needs one.
 
-An editable installation has no need of it: from a source checkout the studio builds its front end when it first starts.
-Node is asked for only where a wheel is built on a machine that has none that fits.
+A wheel brings the studio's front end built (`hook`), and that takes Node. Where the machine has one that fits, nothing
+more is installed; `[build-system]` could not say so.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from hatchling.build import *  # noqa: F403
-from hatchling.build import build_wheel as _build_wheel
 from hatchling.build import get_requires_for_build_wheel as _requires
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -22,11 +21,3 @@ def get_requires_for_build_wheel(config_settings: dict[str, Any] | None = None) 
     """What hatchling needs, and a Node where there is none."""
     pinned = [line.split()[0] for line in (front.WEB / "node.txt").read_text().splitlines() if "==" in line]
     return [*_requires(config_settings), *([] if front.find_node() else pinned)]
-
-
-def build_wheel(
-    wheel_directory: str, config_settings: dict[str, Any] | None = None, metadata_directory: str | None = None
-) -> str:
-    """The wheel, with `web/dist` in it as `interpose/studio/static` (pyproject.toml, force-include)."""
-    front.build()
-    return _build_wheel(wheel_directory, config_settings, metadata_directory)

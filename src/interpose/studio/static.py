@@ -32,7 +32,7 @@ _HASHED = re.compile(r"assets/.*-[A-Za-z0-9_-]{8}\.\w+")
 def found(folder: Path | None, path: str) -> Response:
     """The file at a path of the address, the page itself where that is empty. Raises HTTPException where none is."""
     if folder is None:
-        raise HTTPException(503, "the studio's front end is not built; start the studio without --no-front-end")
+        raise HTTPException(503, "this studio was started without its front end; start it by 'interpose studio'")
     path = path or "index.html"
     file = folder
     for name in path.split("/"):
