@@ -12,6 +12,7 @@ in software here, on the same two cores. The budget: first frames within 150 ms.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from urllib.request import Request, urlopen
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
+from interpose.io import bvh
 from interpose.studio import wire
 from interpose.studio.protocol import ASKED, TOLD
 from interpose.studio.rows import of_motion
@@ -54,7 +56,8 @@ MOVE = """async ([frames, repeats]) => {
         const first = await until(() => studio.result(gap.id) !== had);
         const free = performance.now();
         studio.release();
-        const all = await until(() => studio.result(gap.id)?.candidates.length === 4 && studio.state(studio.gaps()[0]) === "ready");
+        const whole = () => studio.result(gap.id)?.candidates.length === 4 && studio.state(studio.gaps()[0]) === "ready";
+        const all = await until(whole);
         await until(() => studio.settled);
         told.push([first - began, all - free]);
     }
@@ -85,13 +88,9 @@ def _socket(port: int, repeats: int) -> None:
     post = Request(f"{home}/api/rigs?name=sample.bvh", project.source.text.encode(), {"Origin": home})
     with urlopen(post) as answer:
         rig = answer.read()
-    from interpose.io import bvh
-
     clip = bvh.parse(project.source.text.encode(), "sample.bvh")
     ends = {"start": of_motion(clip[0]), "target": of_motion(clip[1])}
     (length,) = np.frombuffer(rig[:4], "<u4")
-    import json
-
     number = json.loads(rig[4 : 4 + int(length)])["id"]
     print("websocket              one candidate, live        eight candidates")
     with connect(f"ws://127.0.0.1:{port}/api/socket", origin=home, max_size=None) as socket:  # type: ignore[arg-type]

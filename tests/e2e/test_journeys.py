@@ -15,6 +15,8 @@ from playwright.sync_api import BrowserContext, Download, Page, expect
 
 import interpose as ip
 
+pytestmark = pytest.mark.xdist_group("browser")  # one browser at a time: two share two cores badly
+
 
 def keys(page: Page) -> list[int]:
     return page.evaluate("() => window.interpose.studio.document.keys.map((key) => key.frame)")
