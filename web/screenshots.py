@@ -32,15 +32,17 @@ def whole(page: Page) -> None:
 
 
 def paths(page: Page) -> None:
-    """Ways of the gallery on the ground, in dark."""
+    """A drawn path with its control points, in dark."""
     page.get_by_test_id("theme").click()
-    page.get_by_test_id("gap-103").click()
-    page.get_by_test_id("path-choose").click()
-    page.get_by_test_id("way-2").click()
+    page.get_by_test_id("gap-39").click()
+    page.evaluate("() => window.interpose.studio.changeLine([[0.9, 2.3], [1.8, 2.6], [2.6, 2.0]], 'end')")
+    page.get_by_test_id("frames").fill("99")
+    page.get_by_test_id("frames").press("Enter")
+    page.get_by_test_id("frames").blur()
     settle(page)
-    page.evaluate("() => window.interpose.studio.goTo(128)")
+    page.evaluate("() => window.interpose.studio.goTo(84)")
     page.evaluate("() => (window.interpose.studio.show = { ...window.interpose.studio.show, others: false })")
-    page.keyboard.press("f")
+    page.evaluate("() => window.interpose.viewport().frameAll()")
 
 
 def pose(page: Page) -> None:

@@ -313,6 +313,62 @@ def test_a_hand_is_dragged_and_the_pose_follows(page: Page) -> None:
     assert shown(page, frame) == before
 
 
+def test_a_pose_is_moved_by_numbers_and_taken_from_the_library(page: Page) -> None:
+    page.locator("[data-testid^=key-]").nth(1).click()
+    frame = page.evaluate("() => window.interpose.studio.frame")
+    before = shown(page, frame)
+    page.get_by_test_id("place-x").fill(f"{before[0] + 0.5:.2f}")
+    page.get_by_test_id("place-x").press("Enter")
+    settle(page)
+    after = shown(page, frame)
+    assert after[0] - before[0] == pytest.approx(0.5, abs=0.01)
+    assert after[1:3] == before[1:3]
+    assert after[7:] == before[7:], "nothing but the root has moved"
+    page.get_by_test_id("pose-3").click()
+    settle(page)
+    posed = shown(page, frame)
+    assert not np.allclose(posed[7:], after[7:], atol=0.1)
+    assert np.hypot(posed[0] - after[0], posed[2] - after[2]) < 0.02, "it stands where the other one stood"
+
+
+CREATURE = """HIERARCHY
+ROOT body
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT neck
+  {
+    OFFSET 0 20 60
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 10 30
+    }
+  }
+}
+MOTION
+Frames: 40
+Frame Time: 0.0333333
+"""
+
+
+def test_a_rig_that_is_no_humanoid_is_told_and_interpolated(page: Page, tmp_path: Path) -> None:
+    path = tmp_path / "creature.bvh"
+    path.write_text(CREATURE + "\n".join(f"0 50 {frame * 2} 0 0 {frame} 0 {frame} 0" for frame in range(40)) + "\n")
+    open_file(page, path)
+    expect(page.get_by_test_id("notice").filter(has_text="creature.bvh")).to_contain_text("Gaps are interpolated")
+    page.get_by_test_id("gap-0").click()
+    page.get_by_test_id("generate").click()
+    settle(page)
+    assert gap(page, 0)["method"] == "interp"
+    expect(page.get_by_test_id("method-dcmoe")).to_be_disabled()
+    pose = shown(page, 13)
+    assert pose[2] == pytest.approx(13 * 0.02, abs=1e-4)
+    written = ip.read(export(page, "bvh", tmp_path))
+    assert len(written) == 40
+    assert written.root_positions[13] == pytest.approx([0.0, 0.5, 0.26], abs=1e-5)
+
+
 def test_the_keyboard_alone_is_enough(page: Page) -> None:
     first = keys(page)
     page.keyboard.press("Home")
