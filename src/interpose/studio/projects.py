@@ -75,11 +75,11 @@ def _check_key(key: ProjectKey, after: ProjectKey | None, clip: Clip, place: str
 
 
 def _check_cut(key: ProjectKey, after: ProjectKey, place: str) -> None:
-    """The frames of a gap that keeps the source's own must be there."""
-    if key.source is None or after.source is None or after.source <= key.source:
+    """The frames of a gap that keeps the source's own must be there, and as many as are shown."""
+    if key.source is None or after.source is None or after.source - key.source != after.frame - key.frame:
         raise InputError(
-            f"{place}.after.method is clip, but this key and the next are not frames of the source, one after the "
-            f"other; choose another method"
+            f"{place}.after.method is clip, but this key and the next are not frames of the source, as far apart there "
+            f"as here; choose another method"
         )
 
 
