@@ -4,6 +4,8 @@
  * Panels read it and call its methods; every change of the document goes through `apply`, so that it can be undone.
  */
 
+import { Answers } from "./answers.svelte";
+import { Clipboard } from "./clipboard.svelte";
 import * as commands from "./document/commands";
 import type { Document, Gap, Key } from "./document/document";
 import { firstFrame, gapAtFrame, gapOf, gapsOf, keyAtFrame, keyOf, lastFrame } from "./document/document";
@@ -13,13 +15,12 @@ import type { GapState, Result } from "./engine/generator";
 import { Generator } from "./engine/generator";
 import { poseBetween, rowsBetween, sourceAt } from "./engine/motion";
 import { Notices } from "./notices.svelte";
-import type { GapSettings, MethodInfo, Suggested, WayInfo } from "./protocol";
+import type { GapSettings, MethodInfo } from "./protocol";
 import { groundOf } from "./pose/place";
 import type { Pose, Rig } from "./rig";
 import { openRig } from "./server/api";
 import type { State as ConnectionState } from "./server/connection";
 import { Connection, Unanswered } from "./server/connection";
-import type { Arrays } from "./wire";
 import type { LineView, Phase, Tool, View } from "./viewport/types";
 
 /** How long after a change the whole of what it asks for is asked, where it is not sealed before. */
@@ -37,6 +38,8 @@ export class Studio {
   methods = $state.raw<readonly MethodInfo[]>([]);
   connection = $state<ConnectionState>("connecting");
   readonly notices = new Notices();
+  readonly answers = new Answers(this);
+  readonly clipboard = new Clipboard(this);
 
   /** The playhead in frames; whole unless playing. */
   time = $state(0);
@@ -53,13 +56,6 @@ export class Studio {
   follow = $state(true);
   theme = $state<View["theme"]>("light");
 
-  /** Ways of the gallery for the selected gap, to pick from. */
-  ways = $state.raw<readonly WayInfo[]>([]);
-  waysReason = $state<string | null>(null);
-  suggested = $state.raw<Suggested | null>(null);
-  library = $state.raw<{ readonly names: readonly string[]; readonly poses: Float32Array } | null>(null);
-
-  private copied = $state.raw<commands.Copied | null>(null);
   /** Counts what the generator told; whoever shows results reads it. */
   private revision = $state(0);
   private readonly socket: Connection;
@@ -101,15 +97,13 @@ export class Studio {
     this.history = begin(document, "Open");
     this.written = document;
     this.selection = { keys: [], gap: null };
-    this.ways = [];
-    this.suggested = null;
-    this.library = null;
+    this.answers.forget();
     this.tool = "select";
     this.joint = null;
     this.time = firstFrame(document);
     this.generator.reset(document, rig, shown);
     this.sync();
-    void this.loadLibrary(rig);
+    void this.answers.loadLibrary(rig);
   }
 
   /** Changes the document. Changes with the same `merge` are one step of the history until `release`; meanwhile gaps are
@@ -199,14 +193,12 @@ export class Studio {
   selectGap(id: string | null): void {
     if (this.selection.gap === id && this.selection.keys.length === 0) return;
     this.selection = { keys: [], gap: id };
-    this.ways = [];
-    this.waysReason = null;
-    this.suggested = null;
+    this.answers.forget();
     const gap = this.selectedGap;
     if (!gap || gap.settings.method === "clip") return;
     const result = this.generator.result(gap.id);
     if (result?.partial && !gap.settings.locked) this.retry(gap.id);
-    if (gap.settings.method !== "interp") void this.suggest(gap);
+    if (gap.settings.method !== "interp") void this.answers.suggest(gap);
   }
 
   goTo(frame: number): void {
@@ -257,39 +249,16 @@ export class Studio {
     if (this.document) this.putKey(commands.addKey(this.document, frame, pose, source), frame, label);
   }
 
+  /** The selected keys, or else the one at the playhead. */
+  get chosenKeys(): readonly string[] {
+    return this.selection.keys.length ? this.selection.keys : this.keyHere ? [this.keyHere.id] : [];
+  }
+
   deleteSelected(): void {
-    const keys = this.selection.keys.length ? this.selection.keys : this.keyHere ? [this.keyHere.id] : [];
+    const keys = this.chosenKeys;
     if (!this.document || keys.length === 0) return;
     if (keys.length >= this.document.keys.length) this.notices.say("One key at least has to stay.");
     else this.apply(commands.deleteKeys(this.document, keys), keys.length > 1 ? "Delete keys" : "Delete key");
-  }
-
-  copySelected(): void {
-    const keys = this.selection.keys.length ? this.selection.keys : this.keyHere ? [this.keyHere.id] : [];
-    if (this.document && keys.length) this.copied = commands.copyKeys(this.document, keys);
-  }
-
-  get canPaste(): boolean {
-    return this.copied !== null && this.copied.stride === this.document?.stride;
-  }
-
-  paste(): void {
-    if (!this.document || !this.copied) return;
-    if (!this.canPaste) return this.notices.say("What was copied is a pose of another rig.");
-    this.putKey(commands.pasteKeys(this.document, this.copied, this.frame), this.frame, "Paste");
-  }
-
-  /** The selected keys again, right of the last of them. */
-  duplicateSelected(): void {
-    this.copySelected();
-    const { document, copied } = this;
-    if (!document || !copied) return;
-    const last = this.selectedKeys.at(-1) ?? this.keyHere;
-    if (!last) return;
-    const next = document.keys.find((key) => key.frame > last.frame);
-    const frame = next ? Math.floor((last.frame + next.frame) / 2) : last.frame + Math.round(document.rate);
-    if (keyAtFrame(document, frame)) return this.notices.say("There is no frame left between these keys.");
-    this.putKey(commands.pasteKeys(document, copied, frame), frame, "Duplicate");
   }
 
   moveKeys(ids: readonly string[], by: number, merge: string): void {
@@ -307,18 +276,6 @@ export class Studio {
       : commands.addKey(document, this.frame, pose, null);
     this.apply(next, "Change pose", `pose:${this.frame}`);
     if (phase === "end") this.release();
-  }
-
-  async mirrorKey(key: Key): Promise<void> {
-    const { rig } = this;
-    if (!rig) return;
-    try {
-      const pose = { shape: [1, rig.stride], values: key.pose };
-      const { arrays } = await this.ask({ type: "mirror", rig: rig.id }, { pose });
-      if (this.document) this.apply(commands.setPose(this.document, key.id, arrays.pose.values), "Mirror pose");
-    } catch (error) {
-      this.notices.warn(error);
-    }
   }
 
   // ---- gaps
@@ -357,26 +314,9 @@ export class Studio {
     this.revision++;
   }
 
-  /** Ways of the gallery for a gap, onto the ground to pick from. */
-  async findWays(gap: Gap, count = 6): Promise<void> {
-    const { style, blend, seed } = gap.settings;
-    const frames = gap.frames;
-    try {
-      const { header } = await this.ask(
-        { type: "paths", rig: this.rig!.id, style, blend, frames, count, seed },
-        this.endsOf(gap),
-      );
-      if (this.selection.gap !== gap.id) return;
-      this.ways = header.ways;
-      this.waysReason = header.reason;
-    } catch (error) {
-      this.notices.warn(error);
-    }
-  }
-
   pickWay(index: number): void {
     const gap = this.selectedGap;
-    const way = this.ways[index];
+    const way = this.answers.ways?.found[index];
     if (gap && way) this.setGap(gap.id, { path: way.line }, "Choose a path");
   }
 
@@ -465,7 +405,8 @@ export class Studio {
     this.socket.close();
   }
 
-  private putKey(next: Document, frame: number, label: string): void {
+  /** Shows a document whose key at a frame is new, and selects that key. */
+  putKey(next: Document, frame: number, label: string): void {
     this.apply(next, label);
     const key = keyAtFrame(next, frame);
     if (key) this.selectKey(key.id);
@@ -492,33 +433,5 @@ export class Studio {
     if (state !== "open") return;
     this.generator?.retry();
     this.sync();
-  }
-
-  /** Asks how long a gap should take. */
-  async suggest(gap: Gap): Promise<void> {
-    try {
-      const { style, blend } = gap.settings;
-      const { header } = await this.ask({ type: "suggest", rig: this.rig!.id, style, blend }, this.endsOf(gap));
-      if (this.selection.gap === gap.id) this.suggested = header;
-    } catch {
-      this.suggested = null; // no gallery reaches so far, or the rig is no humanoid: there is nothing to offer
-    }
-  }
-
-  private async loadLibrary(rig: Rig): Promise<void> {
-    try {
-      const { header, arrays } = await this.ask({ type: "library", rig: rig.id });
-      if (this.rig === rig) this.library = { names: header.names, poses: arrays.poses.values };
-    } catch {
-      this.library = null; // the rig is no humanoid
-    }
-  }
-
-  private endsOf(gap: Gap): Arrays {
-    const stride = this.rig!.stride;
-    return {
-      start: { shape: [1, stride], values: gap.left.pose },
-      target: { shape: [1, stride], values: gap.right.pose },
-    };
   }
 }

@@ -11,7 +11,8 @@ const LATER = 1.5;
 
 /** The library's pose `index` as the key at the playhead, where the figure stands and looks; after the last key, ahead of it. */
 export function putLibraryPose(studio: Studio, index: number): void {
-  const { document, rig, library, pose, frame } = studio;
+  const { document, rig, pose, frame } = studio;
+  const { library } = studio.answers;
   if (!document || !rig || !library || !pose) return;
   const last = lastFrame(document);
   const follows = frame >= last;

@@ -43,16 +43,16 @@ export const SHORTCUTS: readonly Shortcut[] = [
 
   { keys: "K", does: "Add a key of this pose", group: "Keys", run: ({ studio }) => studio.addKeyHere() },
   { keys: "Delete Backspace", does: "Delete the selected keys", group: "Keys", run: ({ studio }) => studio.deleteSelected() },
-  { keys: "Mod+C", does: "Copy keys", group: "Keys", run: ({ studio }) => studio.copySelected() },
-  { keys: "Mod+V", does: "Paste at the playhead", group: "Keys", run: ({ studio }) => studio.paste() },
-  { keys: "Mod+D", does: "Duplicate keys", group: "Keys", run: ({ studio }) => studio.duplicateSelected() },
+  { keys: "Mod+C", does: "Copy keys", group: "Keys", run: ({ studio }) => studio.clipboard.copy() },
+  { keys: "Mod+V", does: "Paste at the playhead", group: "Keys", run: ({ studio }) => studio.clipboard.paste() },
+  { keys: "Mod+D", does: "Duplicate keys", group: "Keys", run: ({ studio }) => studio.clipboard.duplicate() },
   {
     keys: "M",
     does: "Mirror the pose",
     group: "Keys",
     run: ({ studio }) => {
       const key = studio.selectedKey ?? studio.keyHere;
-      if (key) void studio.mirrorKey(key);
+      if (key) void studio.answers.mirror(key);
     },
   },
   {

@@ -79,11 +79,14 @@ export function setFrames(
   const index = document.keys.findIndex((key) => key.id === id);
   if (index < 0 || index === document.keys.length - 1) return document;
   const by = Math.max(0, Math.round(frames)) - (document.keys[index + 1].frame - document.keys[index].frame - 1);
-  const keys = document.keys.map((key, i) =>
-    i > index ? { ...key, frame: key.frame + by } : i === index ? { ...key, after: { ...key.after, speed } } : key,
-  );
   if (by === 0 && document.keys[index].after.speed === speed) return document;
-  return settled(document, by === 0 ? keys : keys.map((key, i) => (i === index ? unlocked(key) : key)));
+  const moved = document.keys.map((key, i) => (i > index ? { ...key, frame: key.frame + by } : key));
+  const keys = moved.map((key, i) => {
+    if (i !== index) return key;
+    const timed = withLength(document, moved, key, i);
+    return { ...timed, after: { ...timed.after, speed } };
+  });
+  return settled(document, keys);
 }
 
 /** Another pose for a key. */
@@ -156,11 +159,17 @@ function unlocked(key: Key): Key {
   return key.after.locked || key.kept ? { ...key, after: { ...key.after, locked: false }, kept: null } : key;
 }
 
-/** A key whose gap may have changed its length: a locked one that did is free again, and a chosen speed is none now. */
+/** A key whose gap may have changed its length: a locked one that did is free again, a chosen speed is none now, and a
+ * path's times take the share of the whole that they had. */
 function withLength(document: Document, keys: readonly Key[], key: Key, index: number): Key {
   const was = document.keys[index + 1]?.frame - document.keys[index].frame;
-  if (was === keys[index + 1]?.frame - key.frame) return key;
-  return { ...unlocked(key), after: { ...unlocked(key).after, speed: null } };
+  const is = keys[index + 1]?.frame - key.frame;
+  if (was === is || Number.isNaN(is)) return key;
+  const free = unlocked(key);
+  const { path } = free.after;
+  const paced =
+    path.kind === "line" && path.times ? { ...path, times: path.times.map((time) => (time * is) / was) } : path;
+  return { ...free, after: { ...free.after, path: paced, speed: null } };
 }
 
 /** Keys in order, and no gap left as in the clip that cannot be. */

@@ -12,21 +12,21 @@ export function keyMenu(studio: Studio): MenuEntry[] {
   const several = keys.length > 1;
   const single = studio.selectedKey;
   return [
-    { label: several ? `Copy ${keys.length} keys` : "Copy", icon: "copy", keys: written("Mod+C"), run: () => studio.copySelected() },
+    { label: several ? `Copy ${keys.length} keys` : "Copy", icon: "copy", keys: written("Mod+C"), run: () => studio.clipboard.copy() },
     {
       label: "Paste at the playhead",
       icon: "paste",
       keys: written("Mod+V"),
-      disabled: !studio.canPaste,
-      run: () => studio.paste(),
+      disabled: !studio.clipboard.canPaste,
+      run: () => studio.clipboard.paste(),
     },
-    { label: "Duplicate", icon: "duplicate", keys: written("Mod+D"), run: () => studio.duplicateSelected() },
+    { label: "Duplicate", icon: "duplicate", keys: written("Mod+D"), run: () => studio.clipboard.duplicate() },
     {
       label: "Mirror the pose",
       icon: "mirror",
       keys: "M",
       disabled: !single,
-      run: () => void (single && studio.mirrorKey(single)),
+      run: () => void (single && studio.answers.mirror(single)),
     },
     null,
     {
@@ -46,7 +46,7 @@ export function gapMenu(studio: Studio, gap: Gap, frame: number): MenuEntry[] {
   const state = studio.state(gap);
   const entries: MenuEntry[] = [
     { label: `Add a key at ${frame}`, icon: "key", disabled: frame <= left.frame || frame >= right.frame, run: () => addKey(studio, frame) },
-    { label: `Paste at ${frame}`, icon: "paste", disabled: !studio.canPaste, run: () => paste(studio, frame) },
+    { label: `Paste at ${frame}`, icon: "paste", disabled: !studio.clipboard.canPaste, run: () => paste(studio, frame) },
     null,
   ];
   if (isClip) {
@@ -88,7 +88,7 @@ export function gapMenu(studio: Studio, gap: Gap, frame: number): MenuEntry[] {
 export function emptyMenu(studio: Studio, view: TimelineView, frame: number): MenuEntry[] {
   return [
     { label: `Add a key at ${frame}`, icon: "key", run: () => addKey(studio, frame) },
-    { label: `Paste at ${frame}`, icon: "paste", disabled: !studio.canPaste, run: () => paste(studio, frame) },
+    { label: `Paste at ${frame}`, icon: "paste", disabled: !studio.clipboard.canPaste, run: () => paste(studio, frame) },
     null,
     {
       label: "Select all keys",
@@ -108,5 +108,5 @@ function addKey(studio: Studio, frame: number): void {
 
 function paste(studio: Studio, frame: number): void {
   studio.goTo(frame);
-  studio.paste();
+  studio.clipboard.paste();
 }

@@ -118,6 +118,16 @@ describe("gaps", () => {
     expect(commands.moveKeys(made, ["k60"], 1).keys[0].after.speed).toBe("slow");
   });
 
+  it("that change their length keep the pace of a path from the gallery", () => {
+    const points: [number, number][] = [[0, 0], [1, 0], [2, 0]];
+    const line = { kind: "line" as const, points, times: [0, 0.5, 1], facing: null, drawn: false };
+    const document = commands.setGap(keyed([0, 30, 60]), "k0", { path: line });
+    for (const made of [commands.moveKeys(document, ["k30"], 15), commands.setFrames(document, "k0", 44)]) {
+      expect(made.keys[0].after.path).toEqual({ ...line, times: [0, 0.75, 1.5] });
+    }
+    expect(commands.moveKeys(document, ["k60"], 15).keys[0].after.path).toBe(line);
+  });
+
   it("show the best candidate again after any change but of which one shows", () => {
     const chosen = commands.setGap(keyed([0, 30]), "k0", { chosen: 3 });
     expect(chosen.keys[0].after.chosen).toBe(3);
