@@ -12,15 +12,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fastapi import FastAPI, Request, Response, WebSocket
+from fastapi import FastAPI, Request, Response, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from interpose.errors import InputError
 from interpose.studio import projects, rigs, wire
 from interpose.studio.desk import MALFORMED, Desk, Refused, Serve, Workshop
 from interpose.studio.export import EXPORT, export
-from interpose.studio.guard import Guard, allowed_hosts
+from interpose.studio.guard import Guard, allowed_hosts, headers
 from interpose.studio.methods import Sessions, offered
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
 from interpose.studio.rigs import Shelf, Unknown
@@ -67,7 +68,8 @@ def create_app(
         workshop.stop()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
-    app.add_middleware(Guard, hosts=allowed_hosts(port))
+    hosts = allowed_hosts(port)
+    app.add_middleware(Guard, hosts=hosts)
 
     async def in_thread(work: Callable[..., Made], *given: Any) -> Made:
         async with heavy:
@@ -116,15 +118,16 @@ def create_app(
 
     @app.websocket("/api/socket")
     async def socket(browser: WebSocket) -> None:
-        await browser.accept()
-        if len(connections) >= MOST_CONNECTIONS:
-            await browser.close(BUSY, f"{MOST_CONNECTIONS} windows are open already; close some")
-            return
-        connections.add(browser)
-        try:
-            await _converse(browser, workshop, welcome)
-        finally:
-            connections.discard(browser)
+        with suppress(WebSocketDisconnect):  # it has gone before it was greeted
+            await browser.accept()
+            if len(connections) >= MOST_CONNECTIONS:
+                await browser.close(BUSY, f"{MOST_CONNECTIONS} windows are open already; close some")
+                return
+            connections.add(browser)
+            try:
+                await _converse(browser, workshop, welcome)
+            finally:
+                connections.discard(browser)
 
     @app.get("/{path:path}")
     async def page(path: str) -> Response:
@@ -141,9 +144,15 @@ def create_app(
     async def not_served(_: Request, error: InputError) -> Response:
         return _refusal(409 if isinstance(error, Unknown) else 400, str(error), again=isinstance(error, Unknown))
 
+    @app.exception_handler(ClientDisconnect)
+    async def gone(_: Request, error: ClientDisconnect) -> Response:
+        return Response(status_code=400)  # nobody reads it
+
     @app.exception_handler(Exception)
     async def mishap(_: Request, error: Exception) -> Response:
-        return _refusal(500, _FAULT)
+        made = _refusal(500, _FAULT)
+        made.raw_headers.extend(headers(hosts))  # this answer does not pass the guard
+        return made
 
     return app
 
@@ -161,7 +170,7 @@ async def _converse(browser: WebSocket, workshop: Workshop, welcome: bytes) -> N
             desk.take(data)
     except Refused as refused:
         writer.cancel()
-        with suppress(RuntimeError):  # it has gone by itself
+        with suppress(RuntimeError, WebSocketDisconnect):  # it has gone by itself
             await browser.close(refused.code, _short(refused.reason))
     finally:
         desk.close()

@@ -1,9 +1,9 @@
 """The work of all connections: what waits, what is next, and what is dropped because something newer came.
 
 A :class:`Desk` belongs to one connection and a :class:`Workshop` to the process. They live on the event loop; only the
-work itself runs in threads. Of one connection a `generate` that is live goes first, one at a time, for two in
-Python take twice as long each; then everything else in turn, but only one `generate` that is not live at a time, so that
-there is room for what must be quick. Of several connections the one with the least running goes first.
+work itself runs in threads. Of one connection a `generate` that is live goes first, one at a time, for two in Python
+take twice as long each; then everything else in turn, but only one `generate` that is not live at a time, so that there
+is room for what must be quick. Of several connections the one with the least running goes first.
 """
 
 from __future__ import annotations

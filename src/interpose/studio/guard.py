@@ -14,12 +14,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from interpose.studio.protocol import Refusal
 
+_USUAL = 80
+"""The port that browsers do not name."""
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
 def allowed_hosts(port: int) -> tuple[str, ...]:
     """What a request may call the server."""
-    return tuple(f"{name}:{port}" for name in _NAMES)
+    return tuple(name if port == _USUAL else f"{name}:{port}" for name in _NAMES)
 
 
 class Guard:
@@ -28,7 +30,7 @@ class Guard:
     def __init__(self, app: ASGIApp, hosts: Iterable[str]) -> None:
         self._app = app
         self._hosts = tuple(hosts)
-        self._headers = _headers(self._hosts)
+        self._headers = headers(self._hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -65,7 +67,8 @@ def stranger(scope: MutableMapping[str, Any], hosts: tuple[str, ...]) -> str | N
     return None
 
 
-def _headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
+def headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
+    """What browsers are told to hold the pages to."""
     sockets = " ".join(f"ws://{host}" for host in hosts if not host.startswith("["))
     policy = {
         "default-src": "'self'",

@@ -4,8 +4,8 @@ The TypeScript types are made from it (`python -m interpose.studio.protocol` pri
 `web/src/protocol.ts` is generated; a test holds the two together).
 
 **Envelopes.** Every message of the websocket, and every body of HTTP that holds poses, is an envelope: four bytes with
-the length of a JSON header (unsigned, little-endian), the header in UTF-8 padded with spaces to a multiple of four, then
-the arrays that the header's `arrays` names, in that order, as little-endian 32-bit floats (`wire`).
+the length of a JSON header (unsigned, little-endian), the header in UTF-8 padded with spaces to a multiple of four,
+then the arrays that the header's `arrays` names, in that order, as little-endian 32-bit floats (`wire`).
 
 **Poses.** A pose of a rig with J joints is one row of 3 + 4 J floats: the root's position in metres, then each joint's
 rotation in its parent's frame as a quaternion (x, y, z, w). Where the rig is ``moved`` (its file animates the positions
@@ -50,7 +50,9 @@ Frame = Annotated[int, Field(ge=0, le=1_000_000)]
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1)]
 Method = Literal["dcmoe", "stitch", "interp"]
 Speed = Literal["fast", "medium", "slow"]
-Shape = Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=4)]
+Shape = Annotated[list[Annotated[int, Field(ge=0, le=2**31 - 1)]], Field(max_length=4)]
+Numbered = Annotated[int, Field(ge=0, le=2**53 - 1)]
+"""What a question is called; a number that both sides hold exactly."""
 
 
 class Part(BaseModel):
@@ -96,7 +98,7 @@ class Ends(Part):
     frames from the target key on, which comes first.
     """
 
-    id: int
+    id: Numbered
     rig: Id
     arrays: dict[str, Shape]
     style: Label | None = None
@@ -143,7 +145,7 @@ class Mirror(Part):
     """A pose with left and right exchanged about its own facing. arrays: ``pose`` (1, row). Answer: `posed`."""
 
     type: Literal["mirror"]
-    id: int
+    id: Numbered
     rig: Id
     arrays: dict[str, Shape]
 
@@ -152,7 +154,7 @@ class Library(Part):
     """The poses that ship, on a rig. Answer: `library`."""
 
     type: Literal["library"]
-    id: int
+    id: Numbered
     rig: Id
     arrays: dict[str, Shape] = {}
 
@@ -201,7 +203,7 @@ class Candidates(Part):
     the server's work."""
 
     type: Literal["candidates"]
-    id: int
+    id: Numbered
     gap: Id
     live: bool
     infos: list[CandidateInfo]
@@ -213,7 +215,7 @@ class Dropped(Part):
     """A `generate` that was not answered because a newer one, or `cancel`, came."""
 
     type: Literal["dropped"]
-    id: int
+    id: Numbered
     gap: Id
     arrays: dict[str, Shape] = {}
 
@@ -222,7 +224,7 @@ class Failed(Part):
     """What could not be served, and why, in one sentence. again: whether the rig has to be sent again."""
 
     type: Literal["failed"]
-    id: int
+    id: Numbered
     gap: Id | None
     reason: str
     again: bool = False
@@ -241,7 +243,7 @@ class Suggested(Part):
     """The answer to `suggest`."""
 
     type: Literal["suggested"]
-    id: int
+    id: Numbered
     frames: int
     alternatives: list[Alternative]
     arrays: dict[str, Shape] = {}
@@ -262,7 +264,7 @@ class Ways(Part):
     """The answer to `paths`, the likeliest first; none, with the reason, where none leads there."""
 
     type: Literal["ways"]
-    id: int
+    id: Numbered
     ways: list[WayInfo]
     reason: str | None
     arrays: dict[str, Shape] = {}
@@ -272,7 +274,7 @@ class Posed(Part):
     """The answer to `mirror`. arrays: ``pose`` (1, row)."""
 
     type: Literal["posed"]
-    id: int
+    id: Numbered
     arrays: dict[str, Shape]
 
 
@@ -280,7 +282,7 @@ class LibraryPoses(Part):
     """The answer to `library`. arrays: ``poses`` (pose, row), hips above the origin, facing +Z."""
 
     type: Literal["library"]
-    id: int
+    id: Numbered
     names: list[str]
     arrays: dict[str, Shape]
 

@@ -1,4 +1,4 @@
-"""The sample scene that a first visit opens with: key poses made by hand, and what is asked of the gaps between them."""
+"""The sample scene that a first visit opens with: key poses made by hand, and what is asked of the gaps between."""
 
 from __future__ import annotations
 

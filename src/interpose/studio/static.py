@@ -35,11 +35,11 @@ def found(folder: Path | None, path: str) -> Response:
         raise HTTPException(503, "this studio was started without its front end; start it by 'interpose studio'")
     path = path or "index.html"
     file = folder
-    for name in path.split("/"):
-        file = file / name
-        if not _NAME.fullmatch(name) or file.is_symlink():
-            raise HTTPException(404)
     try:
+        for name in path.split("/"):
+            file = file / name
+            if not _NAME.fullmatch(name) or file.is_symlink():
+                raise HTTPException(404)
         regular = stat.S_ISREG(file.lstat().st_mode)
         data = file.read_bytes() if regular else b""
     except OSError:

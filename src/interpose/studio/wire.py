@@ -9,22 +9,30 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from interpose.errors import InputError
 from interpose.studio.words import said
 
 Arrays = Mapping[str, ndarray]
-Header = TypeVar("Header")
+Header = TypeVar("Header", covariant=True)
 
 MOST_ARRAYS = 16
+MOST_NUMBERS = 2**40
 LARGEST_HEADER = 16 * 1024 * 1024
 """Bytes of a header that comes in, at most."""
+
+
+@runtime_checkable
+class Kind(Protocol[Header]):
+    """What makes headers of one kind from JSON: pydantic's `TypeAdapter`."""
+
+    def validate_json(self, data: bytes, /, *, strict: bool) -> Header: ...
 
 
 def shapes(arrays: Arrays) -> dict[str, list[int]]:
@@ -44,7 +52,7 @@ def pack(header: BaseModel, arrays: Arrays) -> bytes:
 
 
 def unpack(
-    data: bytes, kind: TypeAdapter[Header], largest: int = LARGEST_HEADER
+    data: bytes, kind: Kind[Header], largest: int = LARGEST_HEADER
 ) -> tuple[Header, dict[str, Float32[ndarray, "..."]]]:
     """The header, checked to be of that kind, and its arrays by name.
 
@@ -76,6 +84,8 @@ def _arrays(named: Mapping[str, list[int]], data: bytes, begin: int) -> dict[str
         raise InputError(f"the arrays that the header names take {needed} bytes, but {there} follow it")
     out = {}
     for name, shape in named.items():
+        if math.prod(max(1, count) for count in shape) > MOST_NUMBERS:  # an empty array of such a shape cannot be made
+            raise InputError(f"the array '{name[:40]}' is said to have the shape {'x'.join(map(str, shape))}")
         array = np.frombuffer(data, "<f4", counts[name], begin).reshape(shape)
         if not np.isfinite(array).all():
             raise InputError(f"the array '{name[:40]}' holds numbers that are not finite (NaN or infinite)")

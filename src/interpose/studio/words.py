@@ -31,7 +31,8 @@ def _sentence(one: ErrorDetails) -> str:
         case "missing":
             return f"{place} is missing"
         case "extra_forbidden":
-            return f"{place} is no field that is known; leave it out"
+            field = _spelled([*_place(one["loc"][:-1]), one["loc"][-1]])
+            return f"{field} is no field that is known; leave it out"
         case "union_tag_not_found" | "union_tag_invalid":
             tag = str(context.get("discriminator", "type")).strip("'")
             wanted = str(context.get("expected_tags", "")).replace("'", "")

@@ -117,7 +117,7 @@ def paths(asked: Paths, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answe
 def mirror(asked: Mirror, arrays: Arrays, clip: Clip) -> Answer:
     """A pose in its own mirror."""
     (pose,) = _taken(arrays, "pose")
-    made = mirrored(rows.to_motion(pose[:1], clip.motion, "the pose"), clip.humanoid)
+    made = mirrored(rows.to_motion(pose, clip.motion, "the pose")[0], clip.humanoid)
     told = {"pose": rows.of_motion(made)}
     return Posed(type="posed", id=asked.id, arrays=shapes(told)), told
 
@@ -167,8 +167,8 @@ def _ends(arrays: Arrays, clip: Clip) -> tuple[Motion, Motion]:
     start, target = _taken(arrays, "start", "target")
     reach = int(np.ceil((CONTEXT - 1) * clip.motion.rate / MODEL_RATE)) + 1
     return (
-        rows.to_motion(start[-reach:], clip.motion, "start"),
-        rows.to_motion(target[:reach], clip.motion, "target"),
+        rows.to_motion(start, clip.motion, "start")[-reach:],
+        rows.to_motion(target, clip.motion, "target")[:reach],
     )
 
 
