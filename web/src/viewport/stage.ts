@@ -31,8 +31,9 @@ export class Stage {
   private readonly lamp = new THREE.DirectionalLight();
   private readonly fill = new THREE.DirectionalLight();
   private readonly rim = new THREE.DirectionalLight();
-  private readonly follows = new THREE.Vector3();
-  private following = false;
+  /** Where what the camera goes along with is, and how far the camera is behind it. */
+  private follows: THREE.Vector3 | null = null;
+  private readonly behind = new THREE.Vector3();
   private asked = 0;
   private last = 0;
 
@@ -129,12 +130,13 @@ export class Stage {
     box.updateProjectionMatrix();
   }
 
-  /** The camera goes along with `root` on the ground from now on; without one it stays. */
+  /** The camera goes along with `root` on the ground from now on, as far from it as it is; without one it stays. */
   follow(root: THREE.Vector3 | null): void {
-    this.following = root !== null;
-    if (root === null) return;
-    this.follows.copy(root);
-    this.draw();
+    if (root && this.follows) {
+      this.behind.add(root).sub(this.follows).setY(0);
+      this.draw();
+    } else this.behind.set(0, 0, 0);
+    this.follows = root?.clone() ?? null;
   }
 
   /** Moves until all points are in view, looking from where the camera is, or along `from`. */
@@ -152,6 +154,7 @@ export class Stage {
       const p = point.clone().sub(centre);
       distance = Math.max(distance, p.dot(back) + Math.max(Math.abs(p.dot(right)) / wide, Math.abs(p.dot(up)) / tall));
     }
+    this.behind.set(0, 0, 0);
     this.orbit.target.copy(centre);
     this.camera.position.copy(centre).addScaledVector(back, distance);
     this.orbit.update();
@@ -184,7 +187,7 @@ export class Stage {
     this.asked = 0;
     const seconds = Math.min(0.1, Math.max(0.001, (now - this.last) / 1000));
     this.last = now;
-    if (this.following) this.catchUp(seconds);
+    this.catchUp(seconds);
     this.before();
     this.ground.look(this.orbit.target, this.camera.position.distanceTo(this.orbit.target));
     this.lightView();
@@ -211,11 +214,11 @@ export class Stage {
   }
 
   private catchUp(seconds: number): void {
-    const away = this.follows.clone().sub(this.orbit.target).setY(0);
-    if (away.length() < 0.002) return;
-    away.multiplyScalar(1 - Math.exp(-7 * seconds));
-    this.orbit.target.add(away);
-    this.camera.position.add(away);
+    if (this.behind.length() < 0.002) return;
+    const step = this.behind.clone().multiplyScalar(1 - Math.exp(-7 * seconds));
+    this.behind.sub(step);
+    this.orbit.target.add(step);
+    this.camera.position.add(step);
     this.camera.updateMatrixWorld();
     this.draw();
   }
