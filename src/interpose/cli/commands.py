@@ -346,7 +346,7 @@ def demo(out: OutFolder = "interpose-demo") -> int:
 
 
 def studio(
-    clip: Annotated[Positional[str | None], arg(metavar="CLIP", help_behavior_hint=_SAID)] = None,
+    clip: Annotated[Positional[str | None], arg(metavar="[CLIP]", help_behavior_hint=_SAID)] = None,
     /,
     port: Annotated[int | None, arg(metavar="P", help_behavior_hint=_SAID)] = None,
     no_browser: bool = False,
