@@ -57,14 +57,19 @@ export class Answers {
     }
   }
 
-  /** Gives a key its mirror image for a pose. */
-  async mirror(key: Key): Promise<void> {
+  /** Gives some keys their mirror images for poses. */
+  async mirror(keys: readonly Key[]): Promise<void> {
     const { studio } = this;
-    if (!studio.rig) return;
+    const { rig } = studio;
+    if (!rig || keys.length === 0) return;
     try {
-      const pose = { shape: [1, studio.rig.stride], values: key.pose };
-      const { arrays } = await studio.ask({ type: "mirror", rig: studio.rig.id }, { pose });
-      if (studio.document) studio.apply(setPose(studio.document, key.id, arrays.pose.values), "Mirror pose");
+      const ask = ({ pose }: Key) =>
+        studio.ask({ type: "mirror", rig: rig.id }, { pose: { shape: [1, rig.stride], values: pose } });
+      const made = await Promise.all(keys.map(ask));
+      if (!studio.document) return;
+      const pose = (i: number) => made[i].arrays.pose.values;
+      const next = keys.reduce((document, { id }, i) => setPose(document, id, pose(i)), studio.document);
+      studio.apply(next, keys.length > 1 ? "Mirror poses" : "Mirror pose");
     } catch (error) {
       studio.notices.warn(error);
     }

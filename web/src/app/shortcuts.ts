@@ -51,8 +51,8 @@ export const SHORTCUTS: readonly Shortcut[] = [
     does: "Mirror the pose",
     group: "Keys",
     run: ({ studio }) => {
-      const key = studio.selectedKey ?? studio.keyHere;
-      if (key) void studio.answers.mirror(key);
+      const chosen = studio.chosenKeys;
+      void studio.answers.mirror(studio.document?.keys.filter(({ id }) => chosen.includes(id)) ?? []);
     },
   },
   {

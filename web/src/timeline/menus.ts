@@ -26,7 +26,7 @@ export function keyMenu(studio: Studio): MenuEntry[] {
       icon: "mirror",
       keys: "M",
       disabled: !single,
-      run: () => void (single && studio.answers.mirror(single)),
+      run: () => void studio.answers.mirror(single ? [single] : []),
     },
     null,
     {
