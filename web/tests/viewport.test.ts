@@ -10,7 +10,7 @@ import { controlPoints } from "../src/viewport/line";
 import { palettes } from "../src/viewport/palette";
 import { hitBones, onLevel, onPlane, pixelsToLine } from "../src/viewport/pick";
 import type { Pointer } from "../src/viewport/pick";
-import { poseDrag } from "../src/viewport/posing";
+import { changing } from "../src/viewport/changing";
 import { ribbonGeometry } from "../src/viewport/ribbons";
 import { mixed, silhouettes } from "../src/viewport/thumbnails";
 import { drawnFrames, trailed } from "../src/viewport/trails";
@@ -110,7 +110,7 @@ describe("turning by rings", () => {
 describe("a dragged pose", () => {
   const at = (x: number): Pointer => ({ x, y: 0, ray: new Ray(), shift: false, slack: 0 });
   const drag = (told: [number, string][]) =>
-    poseDrag(
+    changing(
       new Float32Array([7]),
       (pose, phase) => told.push([pose[0], phase]),
       ({ x }) => (x < 0 ? null : new Float32Array([x])),

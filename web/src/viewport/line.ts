@@ -1,6 +1,7 @@
 /** The drawn path: its curve on the ground with control points to drag, and the stroke that makes a new one. */
 
 import * as THREE from "three";
+import { changing } from "./changing";
 import { curve, distance, inserted, nearest, thinned, type Ground } from "../pose/curve";
 import { Decals, LIFT } from "./decals";
 import { Handles, type Handle } from "./handles";
@@ -158,7 +159,7 @@ export class LineEditor implements Layer {
       this.build();
       this.change(points, phase);
     };
-    return lineDrag(line.points, changed, (at) => {
+    return changing(line.points, changed, (at) => {
       const met = onLevel(at.ray, 0, 60);
       return (
         met && line.points.map((point, i): Ground => (i === index ? [x + met.x - start.x, z + met.z - start.z] : point))
@@ -182,7 +183,7 @@ export class LineEditor implements Layer {
       this.build();
       this.change(points, phase);
     };
-    return lineDrag(line?.points ?? [], changed, (at) => {
+    return changing(line?.points ?? [], changed, (at) => {
       const met = onLevel(at.ray, 0, 60);
       if (met) add([met.x, met.z]);
       return met && controlPoints(stroke, ends, size);
@@ -201,27 +202,4 @@ export function controlPoints(stroke: Points, { from, to }: Ends, size: number):
   const points = thinned([from, ...inner, to], TOLERANCE * size).slice(1, -1);
   if (points.length > 0 || inner.length === 0) return points;
   return [nearest(inner, [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])]).place];
-}
-
-function lineDrag(
-  before: Points,
-  change: (points: Points, phase: Phase) => void,
-  make: (at: Pointer) => Points | null,
-): Drag {
-  let now: Points | null = null;
-  return {
-    move(at) {
-      const made = make(at);
-      if (!made) return;
-      const phase = now ? "drag" : "start";
-      now = made;
-      change(made, phase);
-    },
-    end() {
-      if (now) change(now, "end");
-    },
-    cancel() {
-      if (now) change(before, "end");
-    },
-  };
 }

@@ -8,7 +8,7 @@ import type { Label } from "./labels";
 import type { Palette } from "./palette";
 import { onLevel, type Pointer } from "./pick";
 import type { Drag, Hit, Layer } from "./pointing";
-import { poseDrag, type ChangePose } from "./posing";
+import { changing, type ChangePose } from "./changing";
 import { Ribbons, type RibbonLine } from "./ribbons";
 import { wrapped } from "./turning";
 
@@ -137,7 +137,7 @@ export class Placing implements Layer {
     const { rig, pose } = this;
     const start = onLevel(from.ray, level);
     if (!rig || !pose || !start) return null;
-    return poseDrag(pose, this.change, (at) => {
+    return changing(pose, this.change, (at) => {
       const met = onLevel(at.ray, level, 60);
       return met && moveOnGround(rig, pose, met.x - start.x, met.z - start.z);
     });
@@ -164,7 +164,7 @@ export class Placing implements Layer {
       this.turned = { from: heading, by };
       return turnAboutHips(rig, pose, by);
     };
-    return poseDrag(pose, this.change, make, () => {
+    return changing(pose, this.change, make, () => {
       this.turned = null;
       this.build();
     });

@@ -10,7 +10,7 @@ import type { Label } from "./labels";
 import type { Palette } from "./palette";
 import { onLevel, onPlane, type Pointer, type Project } from "./pick";
 import type { Drag, Hit, Layer } from "./pointing";
-import { poseDrag, type ChangePose } from "./posing";
+import { changing, type ChangePose } from "./changing";
 
 export class Reaching implements Layer {
   readonly group = new THREE.Group();
@@ -89,7 +89,7 @@ export class Reaching implements Layer {
         ? shifted(rig, pose, goal.sub(start).toArray())
         : moveHips(rig, pose, place);
     };
-    return poseDrag(pose, this.change, make);
+    return changing(pose, this.change, make);
   }
 }
 

@@ -9,7 +9,7 @@ import type { Label } from "./labels";
 import type { Palette } from "./palette";
 import { pixelsToLine, type Pointer, type Project, type Spot } from "./pick";
 import type { Drag, Hit, Layer } from "./pointing";
-import { poseDrag, type ChangePose } from "./posing";
+import { changing, type ChangePose } from "./changing";
 import { Ribbons, type RibbonLine } from "./ribbons";
 import { alongTurn, circle, roundTurn, turnedBy } from "./turning";
 
@@ -257,6 +257,6 @@ export class Rotating implements Layer {
       const angle = at.shift ? THREE.MathUtils.degToRad(15 * Math.round(THREE.MathUtils.radToDeg(raw) / 15)) : raw;
       return withTurn(rig, pose, globals, joint, turnedBy(start, axis, angle));
     };
-    return poseDrag(pose, this.change, make, () => (this.turning = null));
+    return changing(pose, this.change, make, () => (this.turning = null));
   }
 }
