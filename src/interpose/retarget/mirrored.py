@@ -5,11 +5,13 @@ exchanges the sides of the T-pose. With R_j a joint's global rotation in the T-p
 turned since, the joint b on the other side from a gets T_b' = S T_a S0, so G_b' = S G_a R_a^-1 S0 R_b. `rest_global`
 has R of the 22 joints. Every other joint takes that of the nearest of the 22 above it: in the rest pose of a BVH all
 frames are parallel, so that a joint which keeps its rest rotation keeps it in the mirror. Their counterparts are found
-by their names (`naming.split_side`); a joint without one is its own.
+by their names; a joint without one is its own.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +26,8 @@ from interpose.retarget.naming import split_side
 from interpose.skeleton import MIRROR, Skeleton
 
 _UP = np.array([0.0, 1.0, 0.0])
+_SWAP = {"Left": "Right", "Right": "Left"}
+_ALONE = re.compile(r"[^A-Za-z0-9]([lrLR])(?=[^A-Za-z0-9])")
 _SIDES = np.array([-1.0, 1.0, 1.0])
 """The reflection at x = 0."""
 
@@ -64,20 +68,43 @@ def counterparts(mapping: Mapping) -> Int[ndarray, "joint"]:
         if joint is not None and across is not None:
             other[joint] = across
     used = set(mapping.joints)
+    sides = _sides(skeleton.names)
     named: dict[tuple[str, str], list[int]] = {}
-    for joint, name in enumerate(skeleton.names):
+    for joint, one in enumerate(sides):
         if joint not in used:
-            named.setdefault(split_side(name), []).append(joint)
-    swap = {"Left": "Right", "Right": "Left"}
+            named.setdefault(one, []).append(joint)
     for joint, parent in enumerate(skeleton.parents):  # parents come first
-        side, word = split_side(skeleton.names[joint])
-        if joint in used or side not in swap:
+        side, word = sides[joint]
+        if joint in used or not side:
             continue
-        found = [j for j in named.get((swap[side], word), []) if skeleton.parents[j] == other[parent]]
+        found = [j for j in named.get((_SWAP[side], word), []) if skeleton.parents[j] == other[parent]]
         own = [j for j in named[side, word] if skeleton.parents[j] == parent]
         if len(found) == len(own):
             other[joint] = found[own.index(joint)]
     return np.array(other)
+
+
+def _sides(names: Sequence[str]) -> list[tuple[str, str]]:
+    """For each joint its side, "" where it has none, and the rest of its name.
+
+    Beyond `naming.split_side`, a side in the middle of a name counts ("thigh.L.001"), and one that is only a letter
+    before a word, where the other side has that word, too ("lhipjoint", "rhipjoint").
+    """
+    out = [_split(name) for name in names]
+    words = {word for side, word in out if not side}
+    for i, (side, word) in enumerate(out):
+        letter = word[:1]
+        if not side and letter in ("l", "r") and ("r" if letter == "l" else "l") + word[1:] in words:
+            out[i] = ("Left" if letter == "l" else "Right"), word[1:]
+    return out
+
+
+def _split(name: str) -> tuple[str, str]:
+    side, word = split_side(name)
+    found = None if side else _ALONE.search(name)
+    if found is None:
+        return side, word
+    return ("Left" if found[1].lower() == "l" else "Right"), name[: found.start()] + name[found.end() :]
 
 
 def _facing(turned: Float[ndarray, "frame 4"]) -> Float[ndarray, "frame 4"]:
