@@ -1,0 +1,28 @@
+"""The scene of a first visit can be opened as any project."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from interpose.studio import projects
+from interpose.studio.methods import Sessions
+from interpose.studio.rigs import Clip, Shelf, identity
+from interpose.studio.sample import sample
+
+
+def test_the_sample_is_a_project_like_any_other() -> None:
+    shelf = Shelf()
+    made = projects.read(sample().model_dump_json().encode(), shelf)
+    assert made == sample()
+    clip = shelf.get(identity(made.source.text.encode()))
+    assert isinstance(clip, Clip)
+    assert len(clip.motion) == len(made.keys)
+    assert clip.humanoid.profile == "LaFAN1"
+    low = clip.motion.global_positions()[..., 1].min(axis=1)
+    np.testing.assert_allclose(low, 0.02, atol=2e-3)
+
+
+def test_its_styles_are_those_of_the_models(models: Sessions) -> None:
+    for key in sample().keys:
+        if key.after.style is not None:
+            assert key.after.style in models[key.after.method].styles
