@@ -127,3 +127,12 @@ def test_a_step_gives_its_outputs_by_name(session):
         assert said[name].shape == (2, *shapes[name.removeprefix("next_")])
     assert np.all((said["contacts"] >= 0.0) & (said["contacts"] <= 1.0))
     assert said["next_path"].shape == (2, 6, 6)
+
+
+def test_a_model_that_serves_a_method_keeps_its_open_networks() -> None:
+    """Opening them takes as long as many frames."""
+    loaded = load()
+    assert loaded.serving("dcmoe") is loaded
+    refining = loaded.serving("stitch+detail")
+    assert refining.refines
+    assert refining.serving("stitch+detail") is refining

@@ -90,8 +90,9 @@ class Session:
         return (self.method, f"{self.method}+detail") if "detail" in self.info else (self.method,)
 
     def serving(self, method: str) -> Session:
-        """The same model as that method uses it."""
-        return replace(self, refines=method.endswith("+detail"))
+        """The same model as that method uses it; itself, with the networks that it has opened, where that is as it is."""
+        refines = method.endswith("+detail")
+        return self if refines == self.refines else replace(self, refines=refines)
 
     @cached_property
     def networks(self) -> dict[str, onnxruntime.InferenceSession]:
