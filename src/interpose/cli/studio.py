@@ -24,7 +24,7 @@ def read(clip: str | None) -> Opened:
     """What the browser is to open. Raises InputError, before any server starts, where it cannot be opened."""
     if clip is None:
         return Opened(source=None, project=None)
-    name = Path(clip).name
+    name = Path(clip).name.encode(errors="replace").decode()  # any bytes may name a file
     if Path(clip).suffix.lower() not in SUFFIXES:
         raise InputError(f"{clip}: the studio opens {' and '.join(SUFFIXES)} files")
     data = read_whole(clip, LARGEST_UPLOAD)

@@ -1,0 +1,90 @@
+"""The protocol's one file, and what is made from it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import typing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from interpose.studio import protocol
+from interpose.studio.protocol import Part, schema
+
+WEB = Path(__file__).resolve().parents[2] / "web"
+
+
+def members(union: Any) -> set[str]:
+    """The names of a union's models."""
+    return {one.__name__ for one in typing.get_args(typing.get_args(union)[0])}
+
+
+def models() -> list[type[BaseModel]]:
+    return [
+        one for one in vars(protocol).values() if isinstance(one, type) and issubclass(one, Part) and one is not Part
+    ]
+
+
+def test_the_schema_lists_all_messages() -> None:
+    made = schema()
+    for root, union in (("Asked", protocol.Asked), ("Told", protocol.Told)):
+        listed = {one["$ref"].removeprefix("#/$defs/") for one in made["$defs"][root]["anyOf"]}
+        assert listed == members(union)
+        assert len(listed) >= 6
+    assert set(made["required"]) == {"asked", "told", "rig", "export", "refusal", "opened"}
+    for name in made["properties"].values():
+        assert name["$ref"].removeprefix("#/$defs/") in made["$defs"]
+
+
+def test_every_part_is_in_the_schema_with_all_its_fields() -> None:
+    made = schema()["$defs"]
+    inner = {"Part", "Ends"}  # what others are made from
+    for one in models():
+        if one.__name__ not in inner:
+            assert set(made[one.__name__]["required"]) == set(one.model_fields), one.__name__
+            assert made[one.__name__]["additionalProperties"] is False
+
+
+def test_every_message_says_its_type_and_its_arrays() -> None:
+    for union in (protocol.Asked, protocol.Told):
+        kinds = []
+        for one in typing.get_args(typing.get_args(union)[0]):
+            (kind,) = typing.get_args(typing.get_type_hints(one)["type"])
+            kinds.append(kind)
+            assert "arrays" in one.model_fields
+        assert len(set(kinds)) == len(kinds)
+
+
+def test_every_part_is_closed_and_does_not_change() -> None:
+    for one in models():
+        assert one.model_config["extra"] == "forbid"
+        assert one.model_config["frozen"] is True
+
+
+def test_the_module_prints_the_schema() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "interpose.studio.protocol"], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert json.loads(done.stdout) == schema()
+
+
+@pytest.mark.skipif(
+    not (WEB / "node_modules" / ".bin" / "json2ts").exists() or shutil.which("node") is None,
+    reason="needs node, and the front end's packages in web/node_modules",
+)
+def test_the_types_of_the_front_end_are_made_from_it(tmp_path: Path) -> None:
+    made = tmp_path / "protocol.ts"
+    path = f"{Path(sys.executable).parent}:{Path(shutil.which('node') or '').parent}:/usr/bin:/bin"
+    subprocess.run(
+        ["sh", str(WEB / "protocol.sh"), str(made)],
+        env={"PATH": path, "PYTHON": sys.executable},
+        check=True,
+        timeout=60,
+    )
+    again = "run web/protocol.sh"
+    assert made.read_text() == (WEB / "src" / "protocol.ts").read_text(), again
