@@ -17,7 +17,7 @@ from interpose import cli
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "interpose"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMANDS = {"demo", "info", "fill", "between", "models", "gallery", "prepare", "train", "export", "evaluate"}
+COMMANDS = {"demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "train", "export", "evaluate"}
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -81,7 +81,7 @@ def module_of(name: str) -> tuple[Path, str] | None:
 
 def missing(span: str) -> str:
     """What is not there of a dotted name of this package; empty where all is, or where it is no such name."""
-    match = None if span.endswith((".npz", ".npy", ".json")) else _NAME.fullmatch(span)
+    match = None if span.endswith((".npz", ".npy", ".json", ".ts")) else _NAME.fullmatch(span)
     found = module_of(match[1]) if match else None
     if found is None or not found[1] or found[1] in names_in(found[0]):
         return ""
@@ -135,6 +135,7 @@ def test_every_command_line_is_understood(page: Path, monkeypatch: pytest.Monkey
     for work in (
         "cli.generate.fill",
         "cli.generate.between",
+        "cli.studio.studio",
         "cli.inspect.info",
         "cli.inspect.models",
         "cli.develop.prepare",
