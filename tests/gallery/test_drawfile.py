@@ -213,3 +213,36 @@ def test_any_json_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, h
         lines = [line for line in (file.whole, *file.gaps.values()) if line is not None]
         well = len(lines) > 0 and all(np.isfinite(line.points).all() for line in lines)
     assert well
+
+
+def test_a_line_of_parts_is_a_drawn_line_with_its_facing_in_radians() -> None:
+    line = drawfile.of_line([(0.0, 1.0), (0.5, 2.0)], [0.0, 1.5], [3.0, 4.0]).of(0, 10)
+    assert line is not None
+    assert line.times is not None
+    assert line.facing is not None
+    np.testing.assert_array_equal(line.points, [[0.0, 1.0], [0.5, 2.0]])
+    np.testing.assert_array_equal(line.times, [0.0, 1.5])
+    np.testing.assert_array_equal(line.facing, [3.0, 4.0])
+    bare = drawfile.of_line([[0.0, 1.0]], None, None).whole
+    assert bare is not None
+    assert bare.times is None
+    assert bare.facing is None
+
+
+@pytest.mark.parametrize(
+    ("points", "times", "facing", "said"),
+    [
+        ([], None, None, "there are no points|points is \\[\\]"),
+        ([[0.0]], None, None, r"points\[0\]"),
+        ([[0.0, 1.0], [0.0, 1.0]], None, None, r"points\[1\] repeats the point before it"),
+        ([[0.0, float("nan")]], None, None, r"points\[0\]\[1\] is not finite"),
+        ([[0.0, 1.0], [0.0, 2.0]], [0.0], None, "times has 1 entries for 2 points"),
+        ([[0.0, 1.0], [0.0, 2.0]], [1.0, 1.0], None, r"times\[1\] is 1, not after 1 before it"),
+        ([[0.0, 1.0], [0.0, 2.0]], None, [0.0], "facing has 1 entries for 2 points; give one a point"),
+        ([[0.0, 1.0]], None, [float("inf")], r"facing\[0\] is not finite"),
+        ([[0.0, 1.0]], None, [2e4], r"facing\[0\] is 20000.0; give a number of 10000 at most"),
+    ],
+)
+def test_what_is_wrong_with_a_line_of_parts_is_named(points: Any, times: Any, facing: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        drawfile.of_line(points, times, facing)

@@ -90,7 +90,7 @@ class Session:
         return (self.method, f"{self.method}+detail") if "detail" in self.info else (self.method,)
 
     def serving(self, method: str) -> Session:
-        """The same model as that method uses it; itself, with the networks that it has opened, where that is as it is."""
+        """The same model as that method uses it; itself, with the networks that it has open, where that is as it is."""
         refines = method.endswith("+detail")
         return self if refines == self.refines else replace(self, refines=refines)
 
