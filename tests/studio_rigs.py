@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,9 @@ def question(kind: str, rig: str, arrays: dict[str, ndarray] | None = None, **fi
     return envelope({"type": kind, "id": 1, "rig": rig, "arrays": shapes(given), **fields}, *given.values())
 
 
+@cache
 def walk() -> Motion:
-    """Two frames a pose: standing, walking, standing elsewhere, on the 22 joints."""
+    """Four poses of the 22 joints: standing, two steps, standing elsewhere; not to be changed."""
     return concatenate(
         poses.pose(poses.STAND),
         poses.pose(poses.WALK_LEFT, (0.0, 0.5)),
