@@ -180,6 +180,19 @@ def test_fingers_bend_on_the_other_hand() -> None:
     np.testing.assert_allclose(np.abs(made.local_rotations[0, 23] @ about("y", -50.0)), 1.0, atol=1e-6)
 
 
+def test_hips_that_hang_beside_their_root_stay_where_they_are() -> None:
+    skeleton = Skeleton(
+        ("Root", *HUMANOID.names),
+        (-1, *(parent + 1 for parent in HUMANOID.parents)),
+        np.concatenate([np.zeros((1, 3)), [[0.2, 0.9, 0.05]], HUMANOID.offsets[1:]]),
+    )
+    motion = random_motion(skeleton, 4)
+    mapping = planned(motion)
+    made = mirrored(motion, mapping)
+    assert mapping.hips == 1
+    np.testing.assert_allclose(made.global_positions()[:, 1], motion.global_positions()[:, 1], atol=1e-9)
+
+
 def test_rate_and_layout_stay() -> None:
     motion = Motion(HUMANOID, np.zeros((1, 3)), np.tile(rotation.IDENTITY, (1, 22, 1)), 24.0, layout="as it was")
     made = mirrored(motion, PLAN)

@@ -276,6 +276,33 @@ def test_the_window_with_the_least_running_is_next_and_windows_take_turns() -> N
     play(scene)
 
 
+def test_the_window_with_less_running_is_next_though_its_turn_is_later() -> None:
+    async def scene(work: Work, shop: Workshop) -> None:
+        one, other = Window(shop), Window(shop)
+        one.ask(library(1))
+        other.ask(library(11))
+        assert sorted([await work.begins(), await work.begins()]) == [1, 11]
+        one.ask(library(2))
+        other.ask(library(12))
+        work.let(11)
+        assert await work.begins() == 12
+
+    play(scene)
+
+
+def test_of_windows_with_as_much_running_the_one_that_drags_is_next() -> None:
+    async def scene(work: Work, shop: Workshop) -> None:
+        one, other, third = Window(shop), Window(shop), Window(shop)
+        third.ask(library(1))
+        assert await work.begins() == 1
+        one.ask(generate(2))
+        other.ask(generate(3, live=True))
+        work.let(1)
+        assert await work.begins() == 3
+
+    play(scene, at_once=1)
+
+
 def test_no_more_is_done_for_a_window_that_does_not_read() -> None:
     async def scene(work: Work, shop: Workshop) -> None:
         one = Window(shop)

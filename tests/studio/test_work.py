@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -238,6 +239,19 @@ def test_ways_asked_for_again_as_lines_lead_the_same_way(models: Sessions, clip:
         assert np.linalg.norm(root - expected, axis=-1).mean() < 0.15
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.5])
+def test_ways_lead_from_key_to_key_on_a_rig_of_any_size(models: Sessions, factor: float) -> None:
+    skeleton = replace(walk().skeleton, offsets=walk().skeleton.offsets * factor)
+    clip = opened(replace(walk(), skeleton=skeleton, root_positions=walk().root_positions * factor))
+    keys = ends(clip, 0, 3)
+    told, _ = asked(models, clip, "paths", keys, frames=60, count=4, seed=0)
+    assert isinstance(told, Ways)
+    assert told.ways
+    for way in told.ways:
+        for point, key in ((way.line.points[0], keys["start"]), (way.line.points[-1], keys["target"])):
+            assert np.linalg.norm(np.array(point) - key[0, [0, 2]]) < 0.06 * factor
+
+
 def test_ways_differ_and_come_in_the_order_of_their_fit_or_say_why_not(models: Sessions, clip: Clip) -> None:
     told, _ = asked(models, clip, "paths", ends(clip), frames=1, count=3, seed=0)
     assert isinstance(told, Ways)
@@ -329,11 +343,10 @@ def test_arrays_that_are_no_poses_are_told(models: Sessions, clip: Clip, arrays:
 
 def test_frames_before_and_after_the_keys_count_but_only_so_many(models: Sessions, clip: Clip) -> None:
     still = ends(clip)
-    many = {
-        "start": np.repeat(still["start"], 500, axis=0),
-        "target": np.repeat(still["target"], 500, axis=0),
-    }
-    few = {name: each[:12] for name, each in many.items()}
+    many = {name: np.repeat(still[name], 500, axis=0) for name in still}
+    many["start"][:, 0] += np.linspace(-4.0, 0.0, 500)  # comes sideways, and goes on so
+    many["target"][:, 0] += np.linspace(0.0, 4.0, 500)
+    few = {"start": many["start"][-12:], "target": many["target"][:12]}
     _, one = generate(models, clip, many, live=True)
     _, other = generate(models, clip, few, live=True)
     np.testing.assert_array_equal(one, other)
