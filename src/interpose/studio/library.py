@@ -54,9 +54,3 @@ def posed(clip: Clip) -> Motion:
 def _stood() -> Motion:
     """The poses on the 22 joints; standing them on the floor takes a tenth of a second."""
     return concatenate(*(poses.pose(one) for one in POSES.values()))
-
-
-@cache
-def _whole() -> Motion:
-    """The poses on the 22 joints."""
-    return concatenate(*(poses.pose(one) for one in POSES.values()))
