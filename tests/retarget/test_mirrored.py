@@ -164,6 +164,17 @@ def test_sides_are_spelled_in_many_ways(pair: tuple[str, str]) -> None:
     assert other[22:].tolist() == [23, 22, 24, 25, 26]
 
 
+def test_a_namesake_elsewhere_is_not_the_other_side() -> None:
+    left, head = HUMANOID.index("LeftHand"), HUMANOID.index("Head")
+    skeleton = Skeleton(
+        (*HUMANOID.names, "LeftProp", "RightProp"),
+        (*HUMANOID.parents, left, head),
+        np.concatenate([HUMANOID.offsets, np.full((2, 3), 0.05)]),
+    )
+    other = counterparts(planned(random_motion(skeleton, 0)))
+    assert other[22:].tolist() == [22, 23]
+
+
 def test_fingers_bend_on_the_other_hand() -> None:
     left, right = HUMANOID.index("LeftHand"), HUMANOID.index("RightHand")
     skeleton = Skeleton(

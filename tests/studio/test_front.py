@@ -31,6 +31,7 @@ def test_an_installed_package_brings_it(tmp_path: Path) -> None:
 
 
 def test_a_source_checkout_builds_it(tmp_path: Path) -> None:
+    (tmp_path / "page").mkdir()  # an empty folder is no page
     assert front.find(tmp_path / "page", builder(tmp_path, "return Path('made')")) == Path("made")
 
 

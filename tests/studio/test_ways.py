@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,12 @@ from hypothesis import strategies as st
 from numpy import ndarray
 
 from interpose.errors import InputError
+from interpose.gallery.matching import Part, Query, Trace
+from interpose.gallery.proposals import Asked, Proposal, Unreachable
+from interpose.gallery.store import Gallery
+from interpose.gallery.weighing import Ends
 from interpose.studio import ways
+from interpose.studio.methods import Sessions
 from interpose.studio.rigs import Clip
 from interpose.studio.ways import APART, POINTS, line_of
 
@@ -79,6 +86,33 @@ def test_points_are_few_and_apart_and_lead_along_the_path(seed: int, count: int,
     points = np.array(line_of(path, count / 30).points)
     if len(points) > 2:
         assert np.linalg.norm(np.diff(points, axis=0), axis=-1).min() > APART - 2e-4
+
+
+def found_of(styles: list[str | None], refuses: str | None) -> Callable[..., list[Proposal]]:
+    """In place of the search: one path of 61 frames that took 40 and 30 when it was walked. It notes the styles that it
+    is asked for, and finds nothing in the one that it refuses."""
+
+    def propose(gallery: Gallery, query: Query, asked: Asked, ends: Ends, **_: int) -> list[Proposal]:
+        styles.append(asked.style)
+        if asked.style is not None and asked.style == refuses:
+            raise Unreachable("nothing leads there")
+        path = np.linspace([*query.start], [*query.target], 61)
+        trace = Trace((Part(0, 40, False), Part(100, 30, False)), 0.0)
+        return [Proposal(path, trace, "Angry", 0.5)]
+
+    return propose
+
+
+@pytest.mark.parametrize(("refuses", "asked"), [(None, ["Angry"]), ("Angry", ["Angry", None])])
+def test_a_way_tells_what_it_took_and_another_style_serves_where_its_own_leads_nowhere(
+    models: Sessions, clip: Clip, monkeypatch: pytest.MonkeyPatch, refuses: str | None, asked: list[str | None]
+) -> None:
+    styles: list[str | None] = []
+    monkeypatch.setattr(ways.proposals, "propose", found_of(styles, refuses))
+    gallery = models["dcmoe"].gallery
+    (way,) = ways.ways(gallery, clip, clip.motion[:1], clip.motion[3:], 60, "Angry", 1, 0)
+    assert styles == asked
+    assert (way.frames, way.style, way.fit, way.composed) == (69, "Angry", 0.5, True)
 
 
 def test_without_a_gallery_no_ways_are_known(clip: Clip) -> None:

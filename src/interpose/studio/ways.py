@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.gallery import proposals
-from interpose.gallery.proposals import Asked, Proposal, Unreachable
+from interpose.gallery.proposals import Asked, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime.inbetween import gap_of
@@ -52,18 +52,13 @@ def ways(
     return [
         WayInfo(
             line=line_of(one.path * [1.0 / mapping.scale, 1.0 / mapping.scale, 1.0], seconds),
-            frames=user_frames(_walked(one), rate),
+            frames=user_frames(one.trace.steps, rate),
             style=one.style,
             fit=one.fit,
             composed=one.composed,
         )
         for one in found
     ]
-
-
-def _walked(one: Proposal) -> int:
-    """The steps that a trajectory took, whatever time it is given."""
-    return sum(part.steps for part in one.trace.parts)
 
 
 def line_of(path: Float[ndarray, "time 3"], seconds: float) -> Line:
