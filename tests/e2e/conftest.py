@@ -9,13 +9,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
 import pytest
 from browsing import SIZE, Server, Watched, free_port, settle
-from playwright.sync_api import BrowserContext, Page
+from playwright.sync_api import Browser, BrowserContext, Page, Playwright, sync_playwright
 
 import interpose as ip
 from interpose.demo import poses
@@ -43,21 +42,43 @@ def chromium() -> str:
     return found
 
 
-@pytest.fixture(scope="session")
-def browser_type_launch_args(chromium: str) -> dict[str, Any]:
-    return {"executable_path": chromium, "args": [*FLAGS]}
+# As in pytest-playwright, but for one module and not for the whole session: as long as Playwright runs, the process has
+# an event loop, and no other test can have one of its own.
 
 
-@pytest.fixture(scope="session")
-def browser_context_args() -> dict[str, Any]:
-    return {"viewport": SIZE, "accept_downloads": True, "reduced_motion": "reduce", "color_scheme": "light"}
+@pytest.fixture(scope="module")
+def playwright() -> Iterator[Playwright]:
+    with sync_playwright() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def browser(playwright: Playwright, chromium: str) -> Iterator[Browser]:
+    made = playwright.chromium.launch(executable_path=chromium, args=[*FLAGS])
+    yield made
+    made.close()
 
 
 @pytest.fixture
-def context(context: BrowserContext) -> BrowserContext:
-    """A browser of somebody who was here before: no tour, nothing moves by itself."""
-    context.add_init_script("localStorage.setItem('interpose-toured', '1')")
-    return context
+def new_context(browser: Browser) -> Iterator[Callable[[], BrowserContext]]:
+    """Makes browsers of somebody new; where that can be told, nothing moves by itself."""
+    made: list[BrowserContext] = []
+
+    def new() -> BrowserContext:
+        made.append(browser.new_context(viewport=SIZE, reduced_motion="reduce", color_scheme="light"))
+        return made[-1]
+
+    yield new
+    for context in made:
+        context.close()
+
+
+@pytest.fixture
+def context(new_context: Callable[[], BrowserContext]) -> BrowserContext:
+    """A browser of somebody who was here before: no tour."""
+    made = new_context()
+    made.add_init_script("localStorage.setItem('interpose-toured', '1')")
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -400,7 +400,7 @@ def test_the_keyboard_alone_is_enough(page: Page) -> None:
 
 
 def test_the_first_visit_is_in_motion_and_led_by_a_tour(
-    new_context: Callable[..., BrowserContext], studio: Server, watched: Watched
+    new_context: Callable[[], BrowserContext], studio: Server, watched: Watched
 ) -> None:
     page = watched.page(new_context().new_page())
     page.emulate_media(reduced_motion="no-preference")
