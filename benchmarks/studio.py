@@ -14,13 +14,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
-import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from statistics import median
-from urllib.error import URLError
 from urllib.request import Request, urlopen
 
 import numpy as np
@@ -33,9 +31,8 @@ from interpose.studio.rows import of_motion
 from interpose.studio.sample import sample
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from browsing import SIZE, free_port, settle
+from browsing import find_chromium, launch, settle, somebody_known, start
 
-FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 GAPS = (30, 60, 120, 300)
 MOVE = """async ([frames, repeats]) => {
     const { studio } = window.interpose;
@@ -74,16 +71,15 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--port", type=int, default=0, help="of a studio that runs; one is started where left out")
     given = parser.parse_args()
-    port = given.port or free_port()
-    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
-    server = None if given.port else subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    try:
-        _wait(f"http://127.0.0.1:{port}/")
-        _socket(port, given.repeats)
-        _page(port, given.repeats)
-    finally:
-        if server is not None:
-            server.terminate()
+    with tempfile.TemporaryDirectory() as scratch:
+        server = None if given.port else start(Path(scratch) / "log.txt")
+        port = given.port if server is None else server.port
+        try:
+            _socket(port, given.repeats)
+            _page(port, given.repeats)
+        finally:
+            if server is not None:
+                server.stop()
 
 
 def _socket(port: int, repeats: int) -> None:
@@ -136,7 +132,7 @@ def _ask(
 
 
 def _page(port: int, repeats: int) -> None:
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    chromium = find_chromium()
     if chromium is None:
         print("no Chromium on PATH: the page is not timed")
         return
@@ -144,9 +140,8 @@ def _page(port: int, repeats: int) -> None:
 
     print("page               edit to first frames    to their picture       letting go to four candidates")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
-        context = browser.new_context(viewport=SIZE, reduced_motion="reduce")  # type: ignore[arg-type]
-        context.add_init_script("localStorage.setItem('interpose-toured', '1')")
+        browser = launch(playwright, chromium)
+        context = somebody_known(browser)
         for frames in GAPS:
             page = context.new_page()
             page.goto(f"http://127.0.0.1:{port}/")
@@ -159,16 +154,6 @@ def _page(port: int, repeats: int) -> None:
 
 def _spread(ms: list[float]) -> str:
     return f"{median(ms):5.0f} ms ({min(ms):.0f} to {max(ms):.0f})"
-
-
-def _wait(url: str) -> None:
-    for _ in range(600):
-        try:
-            urlopen(url, timeout=5).close()
-            return
-        except (URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"no studio at {url}")
 
 
 if __name__ == "__main__":

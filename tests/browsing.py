@@ -1,23 +1,43 @@
-"""What tests in a real browser share: a studio that runs, pages that are watched, and how they are used."""
+"""What tests in a real browser share with the studio's benchmark and its pictures: a studio that runs, a Chromium, and
+pages that are watched."""
 
 from __future__ import annotations
 
+import os
+import shutil
 import socket
 import subprocess
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
 
-from playwright.sync_api import ConsoleMessage, Page, ViewportSize, expect
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright, ViewportSize, expect
 
 SIZE: ViewportSize = {"width": 1280, "height": 720}
 PATIENCE_MS = 30_000
 """How long a page may take over anything; software WebGL on two busy cores is slow."""
 expect.set_options(timeout=PATIENCE_MS)
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+STARTING = 120.0
+"""Seconds that a studio may take until it answers; its front end may have to be built first."""
 
 
 @dataclass
 class Server:
-    """A studio in a process of its own."""
+    """A studio in a process of its own. log: what it writes."""
 
     port: int
     process: subprocess.Popen[bytes]
@@ -30,6 +50,45 @@ class Server:
     def stop(self) -> None:
         self.process.terminate()
         self.process.wait(20)
+
+
+def start(log: Path, clip: Path | None = None, port: int | None = None) -> Server:
+    """A studio that answers. Raises RuntimeError, with what it wrote, where it does not."""
+    port = port or free_port()
+    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
+    with log.open("wb") as out:
+        process = subprocess.Popen([*command, *([] if clip is None else [str(clip)])], stdout=out, stderr=out)
+    server = Server(port, process, log)
+    began = time.monotonic()
+    while process.poll() is None and time.monotonic() - began < STARTING:
+        try:
+            urlopen(server.url, timeout=5).close()
+            return server
+        except (URLError, OSError):
+            time.sleep(0.1)
+    process.kill()
+    raise RuntimeError(f"the studio does not answer: {log.read_text()}")
+
+
+def find_chromium() -> str | None:
+    """The machine's own Chromium: the one that INTERPOSE_CHROMIUM names, or one on PATH."""
+    return os.environ.get("INTERPOSE_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def launch(playwright: Playwright, chromium: str) -> Browser:
+    return playwright.chromium.launch(executable_path=chromium, args=[*FLAGS])
+
+
+def somebody_new(browser: Browser) -> BrowserContext:
+    """A browser without a past; where that can be told, nothing moves by itself."""
+    return browser.new_context(viewport=SIZE, reduced_motion="reduce", color_scheme="light")
+
+
+def somebody_known(browser: Browser) -> BrowserContext:
+    """The same for somebody who was here before: no tour."""
+    made = somebody_new(browser)
+    made.add_init_script("localStorage.setItem('interpose-toured', '1')")
+    return made
 
 
 class Watched:

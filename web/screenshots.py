@@ -5,22 +5,16 @@ Starts a studio of its own; what is generated is generated then. Needs the devel
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import time
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from urllib.error import URLError
-from urllib.request import urlopen
 
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-from browsing import SIZE, free_port, settle  # noqa: E402
-
-FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from browsing import find_chromium, launch, settle, somebody_known, start
 
 
 def whole(page: Page) -> None:
@@ -56,19 +50,17 @@ PICTURES: dict[str, Callable[[Page], None]] = {"studio": whole, "studio-paths": 
 
 
 def main(folder: Path) -> None:
-    port = free_port()
-    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
-    url = f"http://127.0.0.1:{port}/"
-    server = subprocess.Popen(command)
-    try:
-        _wait(url)
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+    chromium = find_chromium()
+    if chromium is None:
+        raise SystemExit("needs a Chromium on PATH, or its path in INTERPOSE_CHROMIUM")
+    with tempfile.TemporaryDirectory() as scratch, sync_playwright() as playwright:
+        server = start(Path(scratch) / "log.txt")
+        browser = launch(playwright, chromium)
+        try:
             for name, show in PICTURES.items():
-                context = browser.new_context(viewport=SIZE, reduced_motion="reduce", color_scheme="light")
-                context.add_init_script("localStorage.setItem('interpose-toured', '1')")
+                context = somebody_known(browser)
                 page = context.new_page()
-                page.goto(f"{url}?draw=full")
+                page.goto(f"{server.url}?draw=full")
                 settle(page)
                 show(page)
                 page.mouse.move(640, 715)
@@ -77,18 +69,8 @@ def main(folder: Path) -> None:
                 page.screenshot(path=path)
                 _small(path)
                 context.close()
-    finally:
-        server.terminate()
-
-
-def _wait(url: str) -> None:
-    for _ in range(600):
-        try:
-            urlopen(url, timeout=5).close()
-            return
-        except (URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"no studio at {url}")
+        finally:
+            server.stop()
 
 
 def _small(path: Path) -> None:

@@ -2,48 +2,29 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from urllib.error import URLError
-from urllib.request import urlopen
 
 import pytest
-from browsing import SIZE, Server, Watched, free_port, settle
+from browsing import Server, Watched, find_chromium, launch, settle, somebody_known, start
 from playwright.sync_api import Browser, BrowserContext, Page, Playwright, sync_playwright
 
 import interpose as ip
 from interpose.demo import poses
 from interpose.motion import concatenate
 
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-)
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-
 
 @pytest.fixture(scope="session")
 def chromium() -> str:
-    """The machine's own Chromium: the one that INTERPOSE_CHROMIUM names, or one on PATH; skips where there is none."""
-    found = os.environ.get("INTERPOSE_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+    """The machine's own Chromium; skips where there is none."""
+    found = find_chromium()
     if found is None:
         pytest.skip("needs a Chromium on PATH, or its path in INTERPOSE_CHROMIUM")
     return found
 
 
-# As in pytest-playwright, but for one module and not for the whole session: as long as Playwright runs, the process has
-# an event loop, and no other test can have one of its own.
+# For one module and not for the whole session: as long as Playwright runs, the process has an event loop, and no other
+# test can have one of its own.
 
 
 @pytest.fixture(scope="module")
@@ -54,57 +35,29 @@ def playwright() -> Iterator[Playwright]:
 
 @pytest.fixture(scope="module")
 def browser(playwright: Playwright, chromium: str) -> Iterator[Browser]:
-    made = playwright.chromium.launch(executable_path=chromium, args=[*FLAGS])
+    made = launch(playwright, chromium)
     yield made
     made.close()
 
 
 @pytest.fixture
-def new_context(browser: Browser) -> Iterator[Callable[[], BrowserContext]]:
-    """Makes browsers of somebody new; where that can be told, nothing moves by itself."""
-    made: list[BrowserContext] = []
-
-    def new() -> BrowserContext:
-        made.append(browser.new_context(viewport=SIZE, reduced_motion="reduce", color_scheme="light"))
-        return made[-1]
-
-    yield new
-    for context in made:
-        context.close()
-
-
-@pytest.fixture
-def context(new_context: Callable[[], BrowserContext]) -> BrowserContext:
-    """A browser of somebody who was here before: no tour."""
-    made = new_context()
-    made.add_init_script("localStorage.setItem('interpose-toured', '1')")
-    return made
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    """A browser of somebody who was here before."""
+    made = somebody_known(browser)
+    yield made
+    made.close()
 
 
 @pytest.fixture(scope="session")
 def start_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Server]]:
-    """Starts a studio: ``start_studio(clip=None, port=None)``; all are stopped in the end."""
+    """Starts a studio: ``start_studio(clip=None, port=None)``; all are stopped in the end, and have not failed."""
     started: list[Server] = []
 
-    def start(clip: Path | None = None, port: int | None = None) -> Server:
-        port = port or free_port()
-        log = tmp_path_factory.mktemp("studio") / "log.txt"
-        command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
-        with log.open("wb") as out:
-            process = subprocess.Popen([*command, *([] if clip is None else [str(clip)])], stdout=out, stderr=out)
-        server = Server(port, process, log)
-        started.append(server)
-        for _ in range(1200):  # the front end may have to be built first
-            if process.poll() is not None:
-                raise RuntimeError(f"the studio stopped: {log.read_text()}")
-            try:
-                urlopen(server.url, timeout=5).close()
-                return server
-            except (URLError, OSError):
-                time.sleep(0.1)
-        raise RuntimeError(f"the studio does not answer: {log.read_text()}")
+    def begin(clip: Path | None = None, port: int | None = None) -> Server:
+        started.append(start(tmp_path_factory.mktemp("studio") / "log.txt", clip, port))
+        return started[-1]
 
-    yield start
+    yield begin
     for server in started:
         server.stop()
         assert "Traceback" not in server.log.read_text(), server.log.read_text()

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pygltflib
 import pytest
-from browsing import PATIENCE_MS, SIZE, Server, Watched, settle
-from playwright.sync_api import BrowserContext, Download, Page, expect
+from browsing import PATIENCE_MS, SIZE, Server, Watched, settle, somebody_new
+from playwright.sync_api import Browser, BrowserContext, Download, Page, expect
 
 import interpose as ip
 
@@ -399,10 +399,9 @@ def test_the_keyboard_alone_is_enough(page: Page) -> None:
     expect(page.get_by_test_id("help-dialog")).to_be_hidden()
 
 
-def test_the_first_visit_is_in_motion_and_led_by_a_tour(
-    new_context: Callable[[], BrowserContext], studio: Server, watched: Watched
-) -> None:
-    page = watched.page(new_context().new_page())
+def test_the_first_visit_is_in_motion_and_led_by_a_tour(browser: Browser, studio: Server, watched: Watched) -> None:
+    context = somebody_new(browser)
+    page = watched.page(context.new_page())
     page.emulate_media(reduced_motion="no-preference")
     page.goto(studio.url)
     settle(page)
@@ -418,6 +417,7 @@ def test_the_first_visit_is_in_motion_and_led_by_a_tour(
     page.reload()
     settle(page)
     expect(page.get_by_test_id("tour")).to_be_hidden()
+    context.close()
 
 
 def test_a_server_that_was_started_again_is_found_again(
