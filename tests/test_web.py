@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,15 @@ def test_types_and_components_are_sound(node: Any) -> None:
     run(node, "node_modules/svelte-check/bin/svelte-check", "--tsconfig", "tsconfig.json", "--fail-on-warnings")
 
 
+def test_the_protocols_types_are_made_from_the_servers(node: Any, tmp_path: Path) -> None:
+    made = tmp_path / "protocol.ts"
+    path = os.pathsep.join([str(Path(node.node).parent), os.environ["PATH"]])
+    command = ["sh", str(ROOT / "web" / "protocol.sh"), str(made)]
+    subprocess.run(command, env={**os.environ, "PATH": path, "PYTHON": sys.executable}, check=True)
+    kept = ROOT / "web" / "src" / "protocol.ts"
+    assert made.read_text() == kept.read_text(), "run web/protocol.sh, and look at what changes in the page"
+
+
 def test_the_lock_file_names_no_registry() -> None:
     assert "resolved" not in (ROOT / "web" / "package-lock.json").read_text()
 
@@ -63,7 +73,7 @@ def test_what_is_built_is_made_anew_when_a_source_changes(
     (web / "node_modules" / "vite" / "bin" / "vite.js").write_text(vite)
     monkeypatch.setattr(build, "WEB", web)
     monkeypatch.setattr(build, "DIST", web / "dist")
-    monkeypatch.setattr(build, "packages", lambda: build.Node(sys.executable, ()))
+    monkeypatch.setattr(build, "_packages", lambda: build.Node(sys.executable, ()))
     assert build.build() == web / "dist"
     assert (web / "dist" / "main.ts").read_text() == "one"
     (web / "dist" / "mark").touch()

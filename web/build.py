@@ -65,7 +65,7 @@ def build() -> Path:
         if is_made_from(wanted):  # another one built it meanwhile
             return DIST
         print("Building the studio's front end (once; about half a minute) ...", file=sys.stderr, flush=True)
-        node = packages()
+        node = _packages()
         made, old = WEB / f".dist-{os.getpid()}", WEB / f".dist-old-{os.getpid()}"
         try:
             vite = str(WEB / "node_modules" / "vite" / "bin" / "vite.js")
@@ -101,6 +101,11 @@ def is_made_from(wanted: str) -> bool:
 
 def packages() -> Node:
     """A Node, with the packages of the lock file in `web/node_modules`. Raises :class:`Failed`."""
+    with _alone():
+        return _packages()
+
+
+def _packages() -> Node:
     node = find_node() or _installed_node()
     lock = hashlib.sha256((WEB / "package-lock.json").read_bytes()).hexdigest()
     mark = WEB / "node_modules" / ".made-from"

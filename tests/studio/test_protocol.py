@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 import sys
 import typing
 from pathlib import Path
 from typing import Any
 
-import pytest
 from pydantic import BaseModel
 
 from interpose.studio import protocol
@@ -71,20 +69,3 @@ def test_the_module_prints_the_schema() -> None:
         [sys.executable, "-m", "interpose.studio.protocol"], capture_output=True, text=True, check=True, timeout=60
     )
     assert json.loads(done.stdout) == schema()
-
-
-@pytest.mark.skipif(
-    not (WEB / "node_modules" / ".bin" / "json2ts").exists() or shutil.which("node") is None,
-    reason="needs node, and the front end's packages in web/node_modules",
-)
-def test_the_types_of_the_front_end_are_made_from_it(tmp_path: Path) -> None:
-    made = tmp_path / "protocol.ts"
-    path = f"{Path(sys.executable).parent}:{Path(shutil.which('node') or '').parent}:/usr/bin:/bin"
-    subprocess.run(
-        ["sh", str(WEB / "protocol.sh"), str(made)],
-        env={"PATH": path, "PYTHON": sys.executable},
-        check=True,
-        timeout=60,
-    )
-    again = "run web/protocol.sh"
-    assert made.read_text() == (WEB / "src" / "protocol.ts").read_text(), again
