@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +13,9 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
+from interpose.runtime import resampling
+from interpose.studio import protocol
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -53,6 +58,22 @@ def test_the_protocols_types_are_made_from_the_servers(node: Any, tmp_path: Path
     subprocess.run(command, env={**os.environ, "PATH": path, "PYTHON": sys.executable}, check=True)
     kept = ROOT / "web" / "src" / "protocol.ts"
     assert made.read_text() == kept.read_text(), "run web/protocol.sh, and look at what changes in the page"
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "value"),
+    [
+        ("files.ts", "LARGEST", protocol.LARGEST_UPLOAD),
+        ("document/document.ts", "LONGEST_GAP", protocol.MOST_FRAMES),
+        ("panels/Candidates.svelte", "MOST", protocol.MOST_VARIANTS),
+        ("engine/generator.ts", "CONTEXT", resampling.CONTEXT),
+        ("engine/generator.ts", "MODEL_RATE", resampling.MODEL_RATE),
+    ],
+)
+def test_limits_are_the_servers(file: str, name: str, value: float) -> None:
+    found = re.search(rf"const {name} = ([\d *_.]+);", (ROOT / "web" / "src" / file).read_text())
+    assert found is not None
+    assert math.prod(float(part) for part in found[1].replace("_", "").split("*")) == value
 
 
 def test_the_lock_file_holds_no_addresses() -> None:

@@ -1,6 +1,7 @@
 /** Soft marks that lie on the ground: many in one draw call. */
 
 import * as THREE from "three";
+import { Marks } from "./marks";
 import { FADE } from "./ribbons";
 
 /** glow: soft towards its edge. sole: the print of a foot. arrow: points along. disc: filled. ring: its rim alone. */
@@ -70,38 +71,25 @@ const CORNERS: readonly (readonly [number, number])[] = [
   [1, 1],
 ];
 
-export class Decals {
-  readonly material = new THREE.ShaderMaterial({
-    vertexShader: vertex,
-    fragmentShader: fragment,
-    uniforms: { now: { value: 0 }, span: { value: 0 }, least: { value: 0 } },
-    transparent: true,
-    depthWrite: false,
-    side: THREE.DoubleSide,
-  });
-  readonly mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.material);
-
+export class Decals extends Marks<Decal, THREE.Mesh<THREE.BufferGeometry, THREE.ShaderMaterial>> {
   constructor(order: number) {
-    this.mesh.frustumCulled = false;
-    this.mesh.renderOrder = order;
-    this.mesh.visible = false;
+    const material = new THREE.ShaderMaterial({
+      vertexShader: vertex,
+      fragmentShader: fragment,
+      uniforms: { now: { value: 0 }, span: { value: 0 }, least: { value: 0 } },
+      transparent: true,
+      depthWrite: false,
+      side: THREE.DoubleSide,
+    });
+    super(new THREE.Mesh(new THREE.BufferGeometry(), material), order);
   }
 
-  set(decals: readonly Decal[]): void {
-    this.mesh.geometry.dispose();
-    this.mesh.geometry = decalGeometry(decals);
-    this.mesh.visible = decals.length > 0;
+  get mesh(): THREE.Mesh {
+    return this.object;
   }
 
-  fade(now: number, span: number): void {
-    this.material.uniforms.now.value = now;
-    this.material.uniforms.span.value = span;
-  }
-
-  dispose(): void {
-    this.mesh.removeFromParent();
-    this.mesh.geometry.dispose();
-    this.material.dispose();
+  protected geometry(marks: readonly Decal[]): THREE.BufferGeometry {
+    return decalGeometry(marks);
   }
 }
 

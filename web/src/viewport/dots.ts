@@ -1,6 +1,7 @@
 /** Round, square and diamond marks of a size in pixels: many in one draw call. */
 
 import * as THREE from "three";
+import { Marks } from "./marks";
 import { FADE } from "./ribbons";
 
 export type Shape = "disc" | "diamond" | "square";
@@ -48,33 +49,20 @@ const fragment = `uniform vec3 rim; uniform float ratio;
     #include <colorspace_fragment>
   }`;
 
-export class Dots {
-  readonly material = new THREE.ShaderMaterial({
-    vertexShader: vertex,
-    fragmentShader: fragment,
-    uniforms: {
-      ratio: { value: 1 },
-      rim: { value: new THREE.Color() },
-      now: { value: 0 },
-      span: { value: 0 },
-      least: { value: 0 },
-    },
-    transparent: true,
-    depthWrite: false,
-  });
-  readonly points = new THREE.Points(new THREE.BufferGeometry(), this.material);
-
+export class Dots extends Marks<Dot, THREE.Points<THREE.BufferGeometry, THREE.ShaderMaterial>> {
   constructor(order: number, onTop = false) {
-    this.points.frustumCulled = false;
-    this.points.renderOrder = order;
-    this.points.visible = false;
-    this.material.depthTest = !onTop;
+    const material = new THREE.ShaderMaterial({
+      vertexShader: vertex,
+      fragmentShader: fragment,
+      uniforms: { ratio: { value: 1 }, rim: { value: new THREE.Color() }, now: { value: 0 }, span: { value: 0 }, least: { value: 0 } },
+      transparent: true,
+      depthWrite: false,
+    });
+    super(new THREE.Points(new THREE.BufferGeometry(), material), order, onTop);
   }
 
-  set(dots: readonly Dot[]): void {
-    this.points.geometry.dispose();
-    this.points.geometry = dotGeometry(dots);
-    this.points.visible = dots.length > 0;
+  get points(): THREE.Points {
+    return this.object;
   }
 
   rim(colour: string): void {
@@ -85,15 +73,8 @@ export class Dots {
     this.material.uniforms.ratio.value = ratio;
   }
 
-  fade(now: number, span: number): void {
-    this.material.uniforms.now.value = now;
-    this.material.uniforms.span.value = span;
-  }
-
-  dispose(): void {
-    this.points.removeFromParent();
-    this.points.geometry.dispose();
-    this.material.dispose();
+  protected geometry(marks: readonly Dot[]): THREE.BufferGeometry {
+    return dotGeometry(marks);
   }
 }
 

@@ -1,6 +1,7 @@
 /** Lines of a width in pixels, with a colour, an opacity and a time at each point: many lines in one draw call. */
 
 import * as THREE from "three";
+import { Marks } from "./marks";
 
 export interface RibbonPoint {
   readonly x: number;
@@ -69,49 +70,29 @@ const fragment = `uniform float strength;
     #include <colorspace_fragment>
   }`;
 
-export class Ribbons {
-  readonly material = new THREE.ShaderMaterial({
-    vertexShader: vertex,
-    fragmentShader: fragment,
-    uniforms: {
-      screen: { value: new THREE.Vector2(1, 1) },
-      now: { value: 0 },
-      span: { value: 0 },
-      least: { value: 0 },
-      strength: { value: 1 },
-    },
-    transparent: true,
-    depthWrite: false,
-    side: THREE.DoubleSide,
-  });
-  readonly mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.material);
-
+export class Ribbons extends Marks<RibbonLine, THREE.Mesh<THREE.BufferGeometry, THREE.ShaderMaterial>> {
   constructor(order: number, onTop = false) {
-    this.mesh.frustumCulled = false;
-    this.mesh.renderOrder = order;
-    this.material.depthTest = !onTop;
-    this.mesh.visible = false;
+    const material = new THREE.ShaderMaterial({
+      vertexShader: vertex,
+      fragmentShader: fragment,
+      uniforms: { screen: { value: new THREE.Vector2(1, 1) }, now: { value: 0 }, span: { value: 0 }, least: { value: 0 }, strength: { value: 1 } },
+      transparent: true,
+      depthWrite: false,
+      side: THREE.DoubleSide,
+    });
+    super(new THREE.Mesh(new THREE.BufferGeometry(), material), order, onTop);
   }
 
-  set(lines: readonly RibbonLine[]): void {
-    this.mesh.geometry.dispose();
-    this.mesh.geometry = ribbonGeometry(lines);
-    this.mesh.visible = this.mesh.geometry.index !== null && this.mesh.geometry.index.count > 0;
+  get mesh(): THREE.Mesh {
+    return this.object;
   }
 
   screen(width: number, height: number): void {
     this.material.uniforms.screen.value.set(width, height);
   }
 
-  fade(now: number, span: number): void {
-    this.material.uniforms.now.value = now;
-    this.material.uniforms.span.value = span;
-  }
-
-  dispose(): void {
-    this.mesh.removeFromParent();
-    this.mesh.geometry.dispose();
-    this.material.dispose();
+  protected geometry(marks: readonly RibbonLine[]): THREE.BufferGeometry {
+    return ribbonGeometry(marks);
   }
 }
 
