@@ -52,12 +52,15 @@ class Server:
         self.process.wait(20)
 
 
-def start(log: Path, clip: Path | None = None, port: int | None = None) -> Server:
-    """A studio that answers. Raises RuntimeError, with what it wrote, where it does not."""
+def start(log: Path, clip: Path | None = None, port: int | None = None, python: Path = Path(sys.executable)) -> Server:
+    """A studio of that Python's installation, which answers. Raises RuntimeError, with what it wrote, where it does not."""
     port = port or free_port()
-    command = [sys.executable, "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
+    command = [str(python), "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
+    command += [] if clip is None else [str(clip)]
     with log.open("wb") as out:
-        process = subprocess.Popen([*command, *([] if clip is None else [str(clip)])], stdout=out, stderr=out)
+        process = subprocess.Popen(
+            [*command, *([] if clip is None else [str(clip)])], stdout=out, stderr=out, cwd=log.parent
+        )
     server = Server(port, process, log)
     began = time.monotonic()
     while process.poll() is None and time.monotonic() - began < STARTING:

@@ -76,7 +76,7 @@ export class Decals extends Marks<Decal, THREE.Mesh<THREE.BufferGeometry, THREE.
     const material = new THREE.ShaderMaterial({
       vertexShader: vertex,
       fragmentShader: fragment,
-      uniforms: { now: { value: 0 }, span: { value: 0 }, least: { value: 0 } },
+      uniforms: { now: { value: 0 }, span: { value: 0 } },
       transparent: true,
       depthWrite: false,
       side: THREE.DoubleSide,

@@ -54,7 +54,7 @@ export class Dots extends Marks<Dot, THREE.Points<THREE.BufferGeometry, THREE.Sh
     const material = new THREE.ShaderMaterial({
       vertexShader: vertex,
       fragmentShader: fragment,
-      uniforms: { ratio: { value: 1 }, rim: { value: new THREE.Color() }, now: { value: 0 }, span: { value: 0 }, least: { value: 0 } },
+      uniforms: { ratio: { value: 1 }, rim: { value: new THREE.Color() }, now: { value: 0 }, span: { value: 0 } },
       transparent: true,
       depthWrite: false,
     });

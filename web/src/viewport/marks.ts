@@ -26,7 +26,7 @@ export abstract class Marks<Mark, Drawn extends Shaded> {
     this.object.visible = this.object.geometry.getAttribute("position").count > 0;
   }
 
-  /** Marks are fainter the farther their time is from `now`, at `span` down to the uniform `least`. */
+  /** Marks are fainter the farther their time is from `now`, and gone at `span`. */
   fade(now: number, span: number): void {
     this.material.uniforms.now.value = now;
     this.material.uniforms.span.value = span;

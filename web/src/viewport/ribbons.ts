@@ -19,11 +19,11 @@ export interface RibbonLine {
 }
 
 /** Around `now`, opacity falls from one to nothing over `span`; no span: it stays. Both in the unit of the points' times. */
-export const FADE = `uniform float now; uniform float span; uniform float least;
+export const FADE = `uniform float now; uniform float span;
   float fade( float time ) {
     if ( span <= 0.0 ) return 1.0;
     float away = abs( time - now ) / span;
-    return max( least * step( away, 1.0 ), 1.0 ) * pow( max( 0.0, 1.0 - away ), 1.35 );
+    return pow( max( 0.0, 1.0 - away ), 1.35 );
   }`;
 
 const vertex = `attribute vec3 before; attribute vec3 after; attribute float side; attribute float width;
@@ -75,7 +75,7 @@ export class Ribbons extends Marks<RibbonLine, THREE.Mesh<THREE.BufferGeometry, 
     const material = new THREE.ShaderMaterial({
       vertexShader: vertex,
       fragmentShader: fragment,
-      uniforms: { screen: { value: new THREE.Vector2(1, 1) }, now: { value: 0 }, span: { value: 0 }, least: { value: 0 }, strength: { value: 1 } },
+      uniforms: { screen: { value: new THREE.Vector2(1, 1) }, now: { value: 0 }, span: { value: 0 }, strength: { value: 1 } },
       transparent: true,
       depthWrite: false,
       side: THREE.DoubleSide,
