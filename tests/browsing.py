@@ -53,14 +53,12 @@ class Server:
 
 
 def start(log: Path, clip: Path | None = None, port: int | None = None, python: Path = Path(sys.executable)) -> Server:
-    """A studio of that Python's installation, which answers. Raises RuntimeError, with what it wrote, where it does not."""
+    """A studio of that Python's installation that answers. Raises RuntimeError, with what it wrote, if it does not."""
     port = port or free_port()
     command = [str(python), "-m", "interpose", "studio", "--no-browser", "--port", str(port)]
     command += [] if clip is None else [str(clip)]
     with log.open("wb") as out:
-        process = subprocess.Popen(
-            [*command, *([] if clip is None else [str(clip)])], stdout=out, stderr=out, cwd=log.parent
-        )
+        process = subprocess.Popen(command, stdout=out, stderr=out, cwd=log.parent)
     server = Server(port, process, log)
     began = time.monotonic()
     while process.poll() is None and time.monotonic() - began < STARTING:
