@@ -216,7 +216,7 @@ export class Generator {
         const candidates = header.infos.map((info, i) => ({ rows: all.slice(i * size, (i + 1) * size), info }));
         const result = { candidates, partial: live, seconds: header.seconds };
         if (!live) this.remember(want, result);
-        if (entry.asking !== asking && !(live && entry.asking?.live)) return;
+        if (entry.asking !== asking) return; // a newer one is on its way
         Object.assign(entry, { want, result, failure: null });
       })
       .catch((error: Error) => {
