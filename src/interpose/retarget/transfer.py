@@ -50,11 +50,10 @@ def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) 
         raise InputError("only a motion of the 22-joint humanoid can be carried to another skeleton")
     turned = motion.global_rotations()
     centre = (motion.root_positions - mapping.lift * _UP + rotation.rotate(turned[:, _HIPS], _CENTRE)) / mapping.scale
-    world = {
-        joint: rotation.multiply(turned[:, ours], mapping.rest_global[ours])
-        for ours, joint in enumerate(mapping.joints)
-        if joint is not None
-    }
+    pairs = [(ours, joint) for ours, joint in enumerate(mapping.joints) if joint is not None]
+    known = [ours for ours, _ in pairs]
+    carried = rotation.multiply(turned[:, known], mapping.rest_global[known])
+    world = {joint: carried[:, i] for i, (_, joint) in enumerate(pairs)}
     place = centre - rotation.rotate(world[mapping.hips], mapping.hip_centre)
     if like is None:
         rest = np.tile(rotation.IDENTITY, (len(motion), len(mapping.skeleton), 1))
@@ -131,10 +130,10 @@ def _assemble(
 
 def _turned(world: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> list[Float[ndarray, "frame 4"] | None]:
     """For each of the 22 joints its rotation since the T-pose, None where the source has no such joint."""
-    return [
-        None if joint is None else rotation.multiply(world[joint], rotation.inverse(rest))
-        for joint, rest in zip(mapping.joints, mapping.rest_global, strict=True)
-    ]
+    known = [ours for ours, joint in enumerate(mapping.joints) if joint is not None]
+    given = np.stack([world[joint] for joint in mapping.joints if joint is not None], axis=1)
+    turned = rotation.multiply(given, rotation.inverse(mapping.rest_global[known]))
+    return [turned[:, known.index(ours)] if ours in known else None for ours in range(len(mapping.joints))]
 
 
 def _bent(mapped: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> dict[int, Float[ndarray, "frame 4"]]:
