@@ -120,3 +120,25 @@ def control_shapes(styles: int) -> dict[str, tuple[int, ...]]:
         "path": (SIDE_KEYS, 6),
         "path_known": (1,),
     }
+
+
+def target_shapes(styles: int, latent: int) -> dict[str, tuple[int, ...]]:
+    """What the completion of a target takes, without the batch axis; world frame, metres, seconds.
+
+    target_hips, target_rotations: of any pose with the given parts; the rest of it is not looked at. joints: 1 for
+    those given. ground: 1 where the hips' place on the ground and their facing are. frames: from start to target.
+    noise: nil for the likeliest pose.
+    """
+    return {
+        "start_hips": (3,),
+        "start_rotations": (JOINTS, 6),
+        "start_velocities": (JOINTS, 3),
+        "velocity_known": (1,),
+        "target_hips": (3,),
+        "target_rotations": (JOINTS, 6),
+        "joints": (JOINTS,),
+        "ground": (1,),
+        "frames": (1,),
+        "style": (styles + 1,),
+        "noise": (latent,),
+    }

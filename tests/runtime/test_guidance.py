@@ -102,7 +102,7 @@ def test_a_matched_plan_ends_exactly_at_the_keys(session, gallery):
 
 def test_the_first_is_the_trajectory_nearest_to_the_networks_own_way(session, gallery):
     gap = gap_of()
-    own = guidance._own_way(session, gap, 46, None)
+    own = guidance._own_way(session, gap, 46, guidance.Wish(46))
     np.testing.assert_allclose(own[[0, -1]], [gap.query.start, gap.query.target], atol=1e-9)
     near = plans(session, gallery, gap, Wish(46), 1)[0].path
     others = [plan.path for plan in plans(session, gallery, gap, Wish(46), 6)[1:] if plan.path is not None]

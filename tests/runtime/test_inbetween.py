@@ -50,11 +50,23 @@ def served(monkeypatch):
     asked = []
 
     def generate_batch(
-        session, start_root, start_local, target_root, target_local, each, style, seed, vary, paths, control
+        session,
+        start_root,
+        start_local,
+        target_root,
+        target_local,
+        each,
+        style,
+        seed,
+        vary,
+        paths,
+        control,
+        arriving,
+        strength,
     ):
         (frames,) = set(each)
         asked.append({"context": start_root.shape[1], "frames": frames, "style": style, "seed": seed, "vary": vary})
-        assert (paths, control) == ([None] * len(start_root), 1.0)
+        assert (paths, control, strength) == ([None] * len(start_root), 1.0, 1.0)
         t = (np.arange(1, frames + 1) / (frames + 1))[:, None]
         lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(start_root))[:, None, None]
         root = (1 - t) * start_root[:, -1:] + t * target_root[:, None] + lift

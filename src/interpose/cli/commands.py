@@ -28,6 +28,8 @@ class Options:
     style: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_SAID)] = None
     """One of the model's styles, or a blend, as Angry+Drunk or Angry:0.7+Drunk:0.3; free where left out, and then each
     further variant takes another one."""
+    style_strength: Annotated[float, arg(metavar="S")] = 1.0
+    """How much of the style: 0 is as good as free, 1 as trained, up to 3 exaggerated."""
     path: Annotated[str, arg(metavar="auto|straight|none|FILE.json")] = "auto"
     """The root's way on the ground: auto matches a trajectory of the gallery, straight is a straight line, none leaves
     it to the model, and a file holds what you drew (docs/paths.md)."""
@@ -72,6 +74,7 @@ def between(
     /,
     generation: OmitArgPrefixes[Options],
     frames: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
+    target_joints: Annotated[str | None, arg(metavar="hips|hands|...", help_behavior_hint=_SAID)] = None,
 ) -> int:
     """Make the motion from one pose to another on one skeleton.
 
@@ -80,10 +83,12 @@ def between(
         target: FILE or FILE:FRAME likewise; without FRAME, the file's first frame.
         frames: Frames between the two; as many as the gallery suggests where left out. OUT has N + 2 frames: its first
             is the start, its last the target.
+        target_joints: What is given of the target, separated by commas; the rest of it is free. hips, hands, left-hand,
+            right-hand, feet, left-foot, right-foot, head, upper, lower, ground (place and facing), or joints of the 22.
     """
     from interpose.cli import generate
 
-    return generate.between(start, target, frames, generation)
+    return generate.between(start, target, frames, generation, target_joints)
 
 
 def gallery(argument: Annotated[Positional[str], arg(metavar="build|query|plot|generate")], /) -> int:
@@ -238,7 +243,9 @@ def prepare(
 
 
 def train(
-    network: Annotated[Positional[Literal["pae", "dcmoe", "stitch", "detail"]], arg(metavar="pae|dcmoe|stitch|detail")],
+    network: Annotated[
+        Positional[Literal["pae", "dcmoe", "stitch", "detail", "target"]], arg(metavar="pae|dcmoe|stitch|detail|target")
+    ],
     /,
     data: Annotated[tuple[str, ...], arg(metavar="DB")],
     out: OutFolder,
@@ -256,7 +263,8 @@ def train(
     """Train a network on a prepared database. Resumes where the run stopped.
 
     Args:
-        network: pae (the periodic autoencoder), dcmoe, stitch (S-CVAE) or detail (refines what stitch makes).
+        network: pae (the periodic autoencoder), dcmoe, stitch (S-CVAE), detail (refines what stitch makes) or
+            target (completes targets that are given in part).
         data: Databases from `interpose prepare`.
         out: The run's folder.
         preset: full, small or tiny; dcmoe and stitch also have paper, their papers' recipes unchanged.
@@ -292,7 +300,8 @@ def export(
         run: The run's folder.
         out: The model's folder.
         name: The model's name; that of the folder where left out.
-        onto: For a run of detail, or of dcmoe --backward: the model's folder that it completes; out is a copy of that.
+        onto: For a run of detail, of target or of dcmoe --backward: the model's folder that it completes; out is a
+            copy of that.
     """
     from interpose.cli import develop
 

@@ -12,6 +12,8 @@ from typing import Any
 
 from interpose.errors import InputError
 
+_RECIPES = {"target": "target_pose"}
+"""The modules of networks that are not called like them."""
 _EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
 
 
@@ -70,7 +72,7 @@ def train(
     seed: int,
     extra: Extra,
 ) -> int:
-    recipe = _of_extra(f"interpose.train.{network}")
+    recipe = _of_extra(f"interpose.train.{_RECIPES.get(network, network)}")
     if device is None:
         device = "cuda" if _of_extra("torch").cuda.is_available() else "cpu"
     settings = {"max_minutes": minutes, "device": device, "seed": seed}

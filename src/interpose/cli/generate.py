@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from interpose import keys as key_text
+from interpose import parts
 from interpose.cli import trajectories
 from interpose.cli.commands import Options
 from interpose.cli.output import output_paths, write_all
@@ -34,20 +35,23 @@ def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
     return 0
 
 
-def between(start: str, target: str, frames: int | None, options: Options) -> int:
+def between(start: str, target: str, frames: int | None, options: Options, target_joints: str | None = None) -> int:
     paths = _outputs(options)
+    given = None if target_joints is None else parts.parse(target_joints)
     first, last = pose(start, -1), pose(target, 0)
     made = inbetween.inbetween(
         first.pose,
         last.pose,
         frames,
-        _request(options, frames is None),
+        replace(_request(options, frames is None), parts=given),
         variants=options.variants,
         names=(f"{first.file}:{first.frame}", f"{last.file}:{last.frame}"),
     )
     layout, fits = _two_rows(first, last)
+    fits &= all(c.target is None for c in made)
     keys = aligned(replace(first.pose, layout=layout), last.pose)
-    whole = [concatenate(keys[0], aligned(keys[0], c.motion)[1], keys[1]) for c in made]
+    ends = [keys[1] if c.target is None else aligned(keys[0], c.target)[1] for c in made]
+    whole = [concatenate(keys[0], aligned(keys[0], c.motion)[1], end) for c, end in zip(made, ends, strict=True)]
     _write(paths, whole, [{0: 0, len(one) - 1: 1} if fits else {0: 0} for one in whole])
     _report(paths, [(c.info,) for c in made], options.json)
     return 0
@@ -75,6 +79,7 @@ def _request(options: Options, untimed: bool) -> Request:
         lines,
         gallery,
         options.path_control,
+        options.style_strength,
     )
 
 

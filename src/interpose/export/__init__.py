@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from interpose.errors import InputError
-from interpose.export import dcmoe, detail, stitch
+from interpose.export import dcmoe, detail, stitch, target
 from interpose.export.folder import check_place, licence
 from interpose.runtime import session
 from interpose.train import checkpoint
@@ -27,21 +27,23 @@ def export(
 ) -> Path:
     """Writes the model folder ``out`` from the newest checkpoint (its moving average where it keeps one); whole or not.
 
-    onto: for runs that complete a model, a detail transformer or a backward DC-MoE: the model, of which ``out`` becomes
-    a copy. Raises InputError where ``run_dir`` holds no run of a model, where ``out`` is there and is no model folder,
-    where ``onto`` is not what the run completes, and where ONNX Runtime does not give what torch gives.
+    onto: for runs that complete a model, a detail transformer, a backward DC-MoE or a completion of targets: the model,
+    of which ``out`` becomes a copy. Raises InputError where ``run_dir`` holds no run of a model, where ``out`` is there
+    and is no model folder, where ``onto`` is not what the run completes, and where ONNX Runtime does not give what
+    torch gives.
     """
     saved = checkpoint.load(run_dir)
     check_place(out)
     saved = saved or {"config": {}}
     config = saved["config"]
-    completes = "refines" in config or config.get("backward", False)
+    completes = "refines" in config or "completes" in config or config.get("backward", False)
     if completes != (onto is not None):
         raise InputError(
             f"{run_dir}: {'this run completes a model; name it with --onto' if completes else 'no run for --onto'}"
         )
     if onto is not None:
-        write = detail.export if "refines" in config else dcmoe.export_backward
+        write = target.export if "completes" in config else dcmoe.export_backward
+        write = detail.export if "refines" in config else write
         return write(saved, session.load(onto), out, name)
     if "experts" in config:
         return dcmoe.export(saved, out, name, metrics)

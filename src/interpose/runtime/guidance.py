@@ -28,7 +28,7 @@ from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
 from interpose.runtime import blends, methods
-from interpose.runtime.rollout import Path
+from interpose.runtime.poses import Path
 from interpose.runtime.session import Session
 
 CLEARLY = 0.7
@@ -82,7 +82,7 @@ def _velocity(two: Motion) -> Float[ndarray, "2"]:
 class Wish:
     """What is asked of the plans of a gap. steps: at 30 Hz, None where they are to be suggested. path: auto, straight,
     none or drawn; with drawn, ``line``. style, speed: as in `interpose.runtime.request.Request`. told: what
-    :func:`suggestion` said of it, where steps and line are not given."""
+    :func:`suggestion` said of it, where steps and line are not given. strength: of the style."""
 
     steps: int | None
     path: str = "auto"
@@ -91,6 +91,7 @@ class Wish:
     speed: str | None = None
     seed: int = 0
     told: Suggestion | None = None
+    strength: float = 1.0
 
 
 def suggestion(gallery: Gallery | None, gap: Gap, wish: Wish) -> Suggestion:
@@ -139,7 +140,7 @@ def _matched(
     if wish.steps is not None and wish.steps < SHORTEST:
         return [], _too_fast(gallery, query, wish.steps)
     asked = Asked(wish.steps, wish.speed, style)
-    hint = _own_way(session, gap, steps, wish.style)
+    hint = _own_way(session, gap, steps, wish)
     try:
         found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
     except Unreachable:
@@ -182,7 +183,7 @@ def _out_and_in(path: Path, own: Path) -> Path:
     return np.concatenate([ground, path[:, 2:]], axis=-1)
 
 
-def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
+def _own_way(session: Session, gap: Gap, steps: int, wish: Wish) -> Path:
     """Where the network leads the root by itself."""
     start, goal = gap.context, gap.target
     made, _, _ = methods.generate_batch(
@@ -192,7 +193,8 @@ def _own_way(session: Session, gap: Gap, steps: int, style: str | None) -> Path:
         goal.root_positions[:1],
         goal.local_rotations[:1],
         steps - 1,
-        style=[style],
+        style=[wish.style],
+        strength=wish.strength,
     )
     ends = np.array([gap.query.start, gap.query.target])
     turned = np.interp(np.arange(1, steps), [0, steps], ends[:, 2])

@@ -9,7 +9,7 @@ held against the target key: the largest distance of a joint, and the largest an
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,8 @@ from interpose.gallery.drawfile import Drawn
 from interpose.gallery.speeds import Suggestion
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import guidance
+from interpose.parts import Parts
+from interpose.runtime import guidance, targets
 from interpose.runtime.guidance import Gap, Plan
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.judgement import apart, judge
@@ -37,10 +38,14 @@ MISFIT = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One generated transition: ``motion`` has the user's skeleton and rate and the gap's frames, without the keys."""
+    """One generated transition: ``motion`` has the user's skeleton and rate and the gap's frames, without the keys.
+
+    target: the whole pose that it leads to, where only a part of one was given; otherwise None.
+    """
 
     motion: Motion
     info: Info
+    target: Motion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,7 @@ def inbetween(
     before its last are context: the model sees where the motion comes from. Those of ``target`` after its first say
     with what velocity to arrive. ``mapping`` is what :func:`mapping_of` gave for the clip, where it is known. ``names``
     go to the info, by default 0 and frames + 1.
+    Where the request names parts of the target, each candidate leads to a whole pose of its own that has them.
     The best slides least on its feet, leaves and meets the keys with the least jerk, and has the path that fits best.
     Raises InputError where the skeletons differ, the gap is too short or too long, frames and a speed are both asked
     for, or no time is known.
@@ -79,7 +85,10 @@ def inbetween(
     if frames is not None and request.speed is not None:
         raise InputError(f"speed '{request.speed}' and {frames} frames were both asked for; give one of them")
     mapping = mapping_of(start) if mapping is None else mapping
-    found = _transitions([start] * variants, target, frames, request, mapping, names)
+    if request.parts is None or request.parts.whole:
+        found = _transitions([start] * variants, target, frames, request, mapping, names)
+    else:
+        found = _to_parts(start, target, frames, request, request.parts, mapping, names, variants)
     order = np.argsort([cost for _, cost in found], kind="stable")
     return [found[i][0] for i in order]
 
@@ -113,6 +122,8 @@ def fill(
         raise InputError(
             f"the keys say how long each gap takes; speed '{request.speed}' needs --retime, which moves them"
         )
+    if request.parts is not None:
+        raise InputError("the keys of a clip are kept whole; a target in part can be given between two poses only")
     if request.lines is not None:
         request.lines.check(pairs)
     mapping = mapping_of(clip)
@@ -155,6 +166,34 @@ def gap_of(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
     return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
 
 
+def _to_parts(
+    start: Motion,
+    target: Motion,
+    frames: int | None,
+    request: Request,
+    parts: Parts,
+    mapping: retarget.Mapping | str,
+    names: tuple[int | str, int | str] | None,
+    variants: int,
+) -> list[tuple[Candidate, float]]:
+    """Candidates and their costs, each to an ending of its own that has the given ``parts`` of the target."""
+    steps = None if frames is None else model_steps(frames, start.rate)
+    wish = targets.Wish(steps, request.style, request.strength, request.seed)
+    begin, goal = aligned(start[-1], target[0])
+    _check_finite(begin, goal)
+    out = []
+    for i, end in enumerate(targets.complete(start, target, parts, request.session, mapping, wish, variants)):
+        assert isinstance(mapping, retarget.Mapping)
+        each = replace(request, seed=request.seed + i)
+        ((candidate, cost),) = _transitions(
+            [start], end.pose, frames, each, mapping, names, lambda pose: targets.missed(pose, goal, parts, mapping)
+        )
+        notes = [note for note in (end.note, candidate.info.fallback) if note is not None]
+        info = replace(candidate.info, seed=request.seed, fallback="; ".join(notes) or None, target_joints=str(parts))
+        out.append((Candidate(candidate.motion, info, end.pose), cost))
+    return out
+
+
 def _transitions(
     starts: list[Motion],
     target: Motion,
@@ -162,13 +201,13 @@ def _transitions(
     request: Request,
     mapping: retarget.Mapping | str,
     names: tuple[int | str, int | str] | None,
+    arrival: Callable[[Motion], tuple[float, float]] | None = None,
 ) -> list[tuple[Candidate, float]]:
-    """A candidate and its cost for each of ``starts``, which end in the same key."""
+    """A candidate and its cost for each of ``starts``, which end in the same key; ``arrival``: its errors in a last
+    pose, by default those of all joints."""
     began = time.perf_counter()
     first, last = aligned(starts[0][-1], target[0])
-    for pose in (first, last):
-        if not (np.isfinite(pose.root_positions).all() and np.isfinite(pose.local_rotations).all()):
-            raise InputError("a key pose holds numbers that are not finite (NaN or infinite); give poses without them")
+    _check_finite(first, last)
     goal = aligned(starts[0], target)[1]
     rate = starts[0].rate
     line = _line(request, names)
@@ -193,16 +232,16 @@ def _transitions(
         steps = None if frames is None else model_steps(frames, rate)
         path = "drawn" if line is not None else "auto" if request.lines is not None else request.path
         scaled = None if line is None else line.scaled(mapping.scale)
-        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed, told)
+        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed, told, request.strength)
         found = guidance.plans(session, request.trajectories, gap, wish, len(starts))
         sizes = [user_frames(plan.steps, rate) if frames is None else frames for plan in found]
-        made = generate(starts, goal, sizes, found, session, mapping, request.seed, request.control)
+        made = generate(starts, goal, sizes, found, session, mapping, request.seed, request.control, request.strength)
         plans = [*found]
     seconds = time.perf_counter() - began
     slides, costs = judge(starts, [one.motion[1:-1] for one in made], target, mapping)
     out = []
     for one, size, plan, slide, cost in zip(made, sizes, plans, slides, costs, strict=True):
-        position, angle = apart(one.motion[-1], last)
+        position, angle = apart(one.motion[-1], last) if arrival is None else arrival(one.motion[-1])
         info = Info(
             start=0 if names is None else names[0],
             target=size + 1 if names is None else names[1],
@@ -221,10 +260,18 @@ def _transitions(
             path_deviation_m=_rounded(one.deviation, 5),
             fit=None if plan is None else _rounded(plan.fit, 3),
             suggested=suggested,
+            style_strength=request.strength,
         )
         misfit = 0.0 if plan is None or plan.fit is None else -MISFIT * float(np.log(plan.fit))
         out.append((Candidate(one.motion[1:-1], info), cost + misfit))
     return out
+
+
+def _check_finite(*poses: Motion) -> None:
+    """Raise InputError where a key holds numbers that are none."""
+    for pose in poses:
+        if not (np.isfinite(pose.root_positions).all() and np.isfinite(pose.local_rotations).all()):
+            raise InputError("a key pose holds numbers that are not finite (NaN or infinite); give poses without them")
 
 
 def _strayed(deviation: float | None) -> str | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy import ndarray
 
-from interpose import retarget
+from interpose import parts, retarget
 from interpose.errors import InputError
 from interpose.gallery import drawfile
 from interpose.gallery.drawfile import DrawnFile
@@ -53,23 +53,40 @@ class Model:
         mapping: retarget.Mapping | None = None,
         gallery: Gallery | None = None,
         control: float = 1.0,
+        style_strength: float = 1.0,
+        target_joints: str | None = None,
     ) -> list[Candidate]:
         """``variants`` candidates for the ``frames`` frames between ``start`` and ``target``, best first.
 
         Without ``frames`` the gallery says how long it takes, at ``speed`` (fast, medium or slow) where given. path:
         None or "auto" (a trajectory of the gallery), "straight", "none" (the model's own), a file that ends in .json
         (docs/paths.md), or points (x, z) on the ground in metres. gallery: in place of the model's own.
-        control: how much the path counts beside the way that the model foresees.
+        control: how much the path counts beside the way that the model foresees. style_strength: 0 as good as free, 1
+        as trained, up to 3 exaggerated. target_joints: what is given of ``target``, such as "hips" or "left-hand,feet"
+        (`interpose.parts.GROUPS`, joints of the 22, "ground"); the rest of it is free, and the whole pose that a
+        candidate leads to is its ``target``.
 
         Any rig and rate; both poses share the rig. The last frame of ``start`` is the key, those before it are context.
         ``mapping``, of :func:`interpose.retarget.plan`, saves the time to find it again for every gap of a clip.
-        Raises InputError for what cannot be served: an unknown style, two rigs, fewer than one frame, frames and a
-        speed together.
+        Raises InputError for what cannot be served: an unknown style or joint, two rigs, fewer than one frame, frames
+        and a speed together.
         """
         if variants < 1:
             raise InputError(f"variants must be 1 or more, got {variants}")
         named, lines = _path(path)
-        request = Request(self.session.method, self.session, style, named, seed, speed, lines, gallery, control)
+        request = Request(
+            self.session.method,
+            self.session,
+            style,
+            named,
+            seed,
+            speed,
+            lines,
+            gallery,
+            control,
+            style_strength,
+            None if target_joints is None else parts.parse(target_joints),
+        )
         return inbetween.inbetween(start, target, frames, request, variants=variants, mapping=mapping)
 
     def suggest(

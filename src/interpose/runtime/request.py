@@ -8,12 +8,15 @@ from interpose.errors import InputError
 from interpose.gallery.drawfile import DrawnFile
 from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
+from interpose.parts import Parts
 from interpose.runtime import blends
 from interpose.runtime.session import Session
 
 METHODS = ("dcmoe", "stitch", "stitch+detail", "interp")
 PATHS = ("auto", "straight", "none")
 """What a path may be beside one that is drawn."""
+STRONGEST = 3.0
+"""The most that a style can be exaggerated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +27,8 @@ class Request:
     None to leave it free. path: auto (matched from the gallery), straight, none (the network's own), or a name for
     ``lines``. lines: what was drawn.
     speed: fast, medium or slow, where no number of frames is given. gallery: in place of the model's own.
-    control: how much a path counts beside the root that the network foresees, 0 to 1.
+    control: how much a path counts beside the root that the network foresees, 0 to 1. strength: of the style, from 0,
+    as good as free, over 1, as trained, to 3, exaggerated. parts: of the target that are given; None for all of it.
     """
 
     method: str = "dcmoe"
@@ -36,6 +40,8 @@ class Request:
     lines: DrawnFile | None = None
     gallery: Gallery | None = None
     control: float = 1.0
+    strength: float = 1.0
+    parts: Parts | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -48,6 +54,8 @@ class Request:
             raise InputError(f"the path's control must be 0 to 1, got {self.control}")
         if self.seed < 0:
             raise InputError(f"the seed must be 0 or more, got {self.seed}")
+        if not 0.0 <= self.strength <= STRONGEST:
+            raise InputError(f"the style's strength must be 0 to {STRONGEST:g}, got {self.strength}")
         if self.method == "interp":
             if self.style is not None:
                 raise InputError(
@@ -59,7 +67,11 @@ class Request:
                 )
         elif self.session is None:
             raise InputError(f"method '{self.method}' needs a model")
-        elif self.style is not None:
+        if self.strength != 1.0 and (self.method == "interp" or self.session is None or not self.session.styles):
+            raise InputError(
+                f"a style's strength of {self.strength:g} needs a model with styles; choose dcmoe or stitch"
+            )
+        if self.style is not None and self.session is not None:
             blends.check(self.style, self.session.styles, self.session.name)
 
     @property
@@ -94,7 +106,8 @@ class Info:
     all variants together. fallback: None, or what could not be served as asked, why, and what served instead.
     speed: as asked for. trajectory: where the root's path is from: matched, composed, drawn, straight, model, or None
     where it is interpolated. path_deviation_m: the root's mean distance from that path on the ground, None without
-    one. fit: of a matched path, 0 to 1. suggested: where no number of frames was given.
+    one. fit: of a matched path, 0 to 1. suggested: where no number of frames was given. style_strength, target_joints:
+    as asked for; where only some joints of the target were given the arrival errors are theirs.
     """
 
     start: int | str
@@ -114,3 +127,5 @@ class Info:
     path_deviation_m: float | None = None
     fit: float | None = None
     suggested: Suggested | None = None
+    style_strength: float = 1.0
+    target_joints: str | None = None

@@ -94,12 +94,13 @@ def generate(
     mapping: retarget.Mapping,
     seed: int = 0,
     control: float = 1.0,
+    strength: float = 1.0,
 ) -> list[Made]:
     """A transition of so many ``frames`` for each of ``starts`` by its plan, with its ends, on the rig and at its rate.
 
     The starts are equally long and end in the same key; what they hold before it is context. ``target`` begins with its
     key; what follows is known, too, and the transition arrives with its velocity. The ends come out as the keys are,
-    but for rounding: they take the same way as the frames between them.
+    but for rounding: they take the same way as the frames between them. strength: of the plans' styles.
     """
     rate = starts[0].rate
     steps = [model_steps(n, rate) for n in frames]
@@ -117,6 +118,7 @@ def generate(
         paths=paths,
         control=control,
         arriving=keys.arriving,
+        strength=strength,
     )
     on_grid: dict[int, tuple[Float[ndarray, "frame 3"], Float[ndarray, "frame 22 4"]]] = {}
     for size in sorted(set(frames)):
