@@ -13,6 +13,7 @@ from torch import Tensor
 
 from interpose import rotation
 from interpose import skeleton as kinematics
+from interpose.data import label_issues
 from interpose.data.database import Database
 from interpose.data.split import training_ranges
 from interpose.models.geometry import to_six
@@ -59,9 +60,10 @@ def load_frames(
 ) -> Frames:
     """Those ``ranges`` [start, stop) of frames, each inside a clip, and their mirror images.
 
-    Without ``phases`` they are zero (unknown). styles: the model's labels; label i becomes i + 1, others 0 (free).
+    Without ``phases`` they are zero (unknown). styles: the model's labels; label i becomes i + 1, others 0 (free), and
+    so does the label of a frame that `interpose labels` dropped.
     """
-    labels = database.style_indices()
+    labels, trusted = database.style_indices(), label_issues.kept(database)
     known = np.array([styles.index(s) + 1 if s in styles else 0 for s in database.styles])
     starts = database.ranges[:, 0]
     parts: list[dict[str, np.ndarray]] = []
@@ -86,7 +88,7 @@ def load_frames(
                     "local": clip.local_rotations,
                     "contacts": contacts,
                     "phases": np.zeros((count, 10, 3)) if phases is None else phases[int(mirrored), start:stop],
-                    "style": np.full(count, known[label]),
+                    "style": known[label] * (np.ones(count, dtype=int) if trusted is None else trusted[start:stop]),
                     "first": np.full(count, at),
                     "last": np.full(count, at + count - 1),
                 }
@@ -110,9 +112,9 @@ def divided(
 
 
 def origin(databases: list[Database]) -> dict[str, Any]:
-    """What a run's config keeps of its databases: their names and fingerprints, and their licences."""
+    """What a run's config keeps of its databases: their names and fingerprints, which labels count, their licences."""
     return {
-        "databases": tuple(f"{d.dataset} {d.fingerprint}".strip() for d in databases),
+        "databases": tuple(f"{d.dataset} {d.fingerprint} {label_issues.told(d)}".strip() for d in databases),
         "licence": "; ".join(dict.fromkeys(d.licence for d in databases)),
     }
 

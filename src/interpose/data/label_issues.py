@@ -1,0 +1,180 @@
+"""Which frames of a database are worth their style label: folds, verdicts on windows joined to frames, the report.
+
+The DC-MoE paper distils LaFAN1 to the part whose style labels describe it, by confident learning (section 5.1;
+docs/method.md, C11). Windows are judged by a network that never saw their recording (`interpose.train.labels`); here is
+all of it that needs no network. What is kept is a file beside the database's own, ``labels-kept.npz``, which trainings
+honour: frames that it drops have their label set free.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+from numpy import ndarray
+
+from interpose.data.database import ClipInfo, Database
+from interpose.errors import InputError
+from interpose.io.files import write_whole
+
+FILE = "labels-kept.npz"
+PAPER_KEPT = 0.7514
+"""What the paper keeps of LaFAN1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Windows and what is thought of their labels. starts: first frames, ascending. given, believed: style indices.
+    issue: whether the label is thought wrong. doubt: one minus the probability of the given label."""
+
+    length: int
+    starts: Int64[ndarray, "window"]
+    given: Int64[ndarray, "window"]
+    believed: Int64[ndarray, "window"]
+    issue: Bool[ndarray, "window"]
+    doubt: Float[ndarray, "window"]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Frames [start, stop) of one clip, counted in the database, that are dropped, and the label believed in most."""
+
+    clip: int
+    start: int
+    stop: int
+    believed: int
+    doubt: float
+
+
+def recording(clip: ClipInfo) -> str:
+    """The recording that a clip is from: its file's name up to the subject, as several clips may be cut from one."""
+    stem = Path(clip.file or clip.name).stem
+    before, subject, _ = stem.partition(clip.subject) if clip.subject else (stem, "", "")
+    return before + subject
+
+
+def folds(database: Database, count: int) -> Int64[ndarray, "clip"]:
+    """Which fold holds out each clip: a recording's clips share one, and each style's recordings are spread.
+
+    -1 for the clips of styles that one recording alone has: held out, nothing would be left to learn them from.
+    """
+    names = [recording(clip) for clip in database.clips]
+    frames = np.diff(database.ranges, axis=1)[:, 0]
+    fold = np.full(len(database), -1, dtype=np.int64)
+    filled = np.zeros(count)
+    for style in database.styles:
+        sizes: dict[str, int] = {}
+        for i, clip in enumerate(database.clips):
+            if clip.style == style:
+                sizes[names[i]] = sizes.get(names[i], 0) + int(frames[i])
+        mine = np.zeros(count)
+        for name in sorted(sizes, key=lambda n: (-sizes[n], n)) if len(sizes) > 1 else ():
+            chosen = min(range(count), key=lambda k: (mine[k], filled[k]))
+            mine[chosen] += sizes[name]
+            filled[chosen] += sizes[name]
+            for i, clip in enumerate(database.clips):
+                if clip.style == style and names[i] == name:
+                    fold[i] = chosen
+    return fold
+
+
+def dropped_frames(judged: Judged, frames: int) -> Bool[ndarray, "frame"]:
+    """The frames for which more than half of the windows that hold them are issues."""
+    issues, windows = np.zeros(frames + 1), np.zeros(frames + 1)
+    for count, rows in ((windows, judged.starts), (issues, judged.starts[judged.issue])):
+        np.add.at(count, rows, 1.0)
+        np.add.at(count, rows + judged.length, -1.0)
+    return (2.0 * np.cumsum(issues) > np.cumsum(windows))[:frames]
+
+
+def stretches(database: Database, judged: Judged, dropped: Bool[ndarray, "frame"]) -> list[Stretch]:
+    """What was dropped, run by run; a run's believed label is that of most of the issues in it."""
+    out = []
+    for clip, (start, stop) in enumerate(database.ranges.tolist()):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], dropped[start:stop], [False]])))
+        for first, last in (edges.reshape(-1, 2) + start).tolist():
+            inside = judged.issue & (judged.starts + judged.length > first) & (judged.starts < last)
+            most = int(np.argmax(np.bincount(judged.believed[inside], minlength=len(database.styles))))
+            out.append(Stretch(clip, first, last, most, float(judged.doubt[inside].mean())))
+    return out
+
+
+def save(database: Database, kept: Bool[ndarray, "frame"]) -> Path:
+    """Writes which labels are kept beside the database's arrays, with the fingerprint of what they belong to."""
+    data = io.BytesIO()
+    np.savez_compressed(data, kept=kept, fingerprint=np.array(database.fingerprint))
+    write_whole(database.path / FILE, data.getvalue())
+    return database.path / FILE
+
+
+def kept(database: Database) -> Bool[ndarray, "frame"] | None:
+    """Which frames keep their label, or None where `interpose labels` has not judged the database.
+
+    Raises InputError for a file that is damaged, or was made for other contents of the database.
+    """
+    file = database.path / FILE
+    try:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
+            mask, fingerprint = stored["kept"], str(stored["fingerprint"])
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{file} cannot be read ({error}); run 'interpose labels' again, or delete it") from None
+    if mask.shape != (database.frames,) or mask.dtype != bool or fingerprint != database.fingerprint:
+        raise InputError(f"{file} was made for other contents of this database; run 'interpose labels' again")
+    return mask
+
+
+def told(database: Database) -> str:
+    """The share of frames that keep their label and a digest of which; empty where all do as nothing was judged."""
+    mask = kept(database)
+    if mask is None:
+        return ""
+    return f"labels kept {mask.mean():.4f} {hashlib.sha256(mask.tobytes()).hexdigest()[:8]}"
+
+
+def report(database: Database, judged: Judged, fold: Int64[ndarray, "clip"], dropped: Bool[ndarray, "frame"]) -> str:
+    """What was judged and dropped, as Markdown."""
+    labels = np.repeat(database.style_indices(), np.diff(database.ranges, axis=1)[:, 0])
+    share = 1.0 - dropped.mean()
+    right = judged.given == judged.believed
+    lines = [
+        f"# Labels of {database.dataset}",
+        "",
+        f"{share:.2%} of {database.frames} frames keep their label; the DC-MoE paper keeps {PAPER_KEPT:.2%} of LaFAN1. "
+        f"{len(judged.starts)} windows of {judged.length} frames were judged, each by a network that saw nothing of "
+        f"its recording; it gives {right.mean():.1%} of them the label that they have, and {judged.issue.mean():.1%} "
+        "are issues.",
+        "",
+        "| style | recordings | frames | judged | as labelled | kept | believed in instead, frames |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    runs = stretches(database, judged, dropped)
+    covered = np.zeros(database.frames, dtype=bool)
+    for start in judged.starts.tolist():
+        covered[start : start + judged.length] = True
+    for i, style in enumerate(database.styles):
+        mine, given = labels == i, judged.given == i
+        recordings = {recording(clip) for clip in database.clips if clip.style == style}
+        instead = np.zeros(len(database.styles), dtype=np.int64)
+        for run in runs:
+            if labels[run.start] == i:
+                instead[run.believed] += run.stop - run.start
+        named = ", ".join(f"{database.styles[k]} {instead[k]}" for k in np.argsort(-instead)[:4] if instead[k])
+        agreed = f"{right[given].mean():.0%}" if given.any() else "-"
+        lines.append(
+            f"| {style} | {len(recordings)} | {mine.sum()} | {covered[mine].mean():.0%} | {agreed} "
+            f"| {1.0 - dropped[mine].mean():.1%} | {named or '-'} |"
+        )
+    alone = sorted({clip.style for clip, k in zip(database.clips, fold, strict=True) if k < 0})
+    if alone:
+        lines += ["", f"Not judged, as one recording alone shows it, and kept: {', '.join(alone)}."]
+    short = sum(b - a < judged.length for a, b in database.ranges.tolist())
+    if short:
+        lines += ["", f"Not judged, as shorter than a window, and kept: {short} clips."]
+    return "\n".join(lines) + "\n"
