@@ -17,7 +17,9 @@ from interpose import cli
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "interpose"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMANDS = {"demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "train", "export", "evaluate"}
+COMMANDS = {
+    "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "labels", "train", "export", "evaluate",
+}  # fmt: skip
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -139,11 +141,13 @@ def test_every_command_line_is_understood(page: Path, monkeypatch: pytest.Monkey
         "cli.inspect.info",
         "cli.inspect.models",
         "cli.develop.prepare",
+        "cli.develop.labels",
         "cli.develop.train",
         "cli.develop.export",
         "cli.develop.evaluate",
         "cli.develop.evaluate_gallery",
         "cli.develop.evaluate_stitch",
+        "cli.develop.evaluate_style",
         "cli.trajectories.build",
         "cli.trajectories.query",
         "cli.trajectories.plot",

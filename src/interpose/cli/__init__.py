@@ -50,7 +50,8 @@ def _run(arguments: list[str]) -> int:
 
     prog, described = "interpose", f"{_DESCRIPTION} `interpose --version` prints the version."
     named = (
-        "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "train", "export", "evaluate",
+        "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "labels", "train", "export",
+        "evaluate",
     )  # fmt: skip
     called = {name: getattr(commands, name) for name in named}
     if arguments[:1] == ["gallery"]:

@@ -242,6 +242,28 @@ def prepare(
     return develop.prepare(dataset, source, out, split, workers) if source else _nothing("prepare", "SOURCE")
 
 
+def labels(
+    data: Annotated[Positional[str], arg(metavar="DB")],
+    /,
+    out: Annotated[str | None, arg(aliases=["-o"], metavar="DIR", help_behavior_hint=_SAID)] = None,
+    noise: Annotated[float, arg(metavar="SHARE")] = 1.0,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Find the frames of a database that its style labels do not describe; trainings then leave these labels free.
+
+    Writes labels-kept.npz into the database; delete it to have all labels back.
+
+    Args:
+        data: A database from `interpose prepare`.
+        out: The folder for the report and pictures of what was dropped; DB/labels where left out.
+        noise: The share of the estimated label errors to drop, most doubtful first.
+        seed: Of the judging networks.
+    """
+    from interpose.cli import develop
+
+    return develop.labels(data, out, noise, seed)
+
+
 def train(
     network: Annotated[
         Positional[Literal["pae", "dcmoe", "stitch", "detail", "target"]], arg(metavar="pae|dcmoe|stitch|detail|target")
@@ -309,7 +331,9 @@ def export(
 
 
 def evaluate(
-    protocol: Annotated[Positional[Literal["lafan1", "stitch", "gallery"]], arg(metavar="lafan1|stitch|gallery")],
+    protocol: Annotated[
+        Positional[Literal["lafan1", "stitch", "gallery", "style"]], arg(metavar="lafan1|stitch|gallery|style")
+    ],
     /,
     data: Annotated[str, arg(metavar="DIR")],
     out: OutFolder,
@@ -318,28 +342,34 @@ def evaluate(
     context: Annotated[int, arg(metavar="N")] = 1,
     seed: Annotated[int, arg(metavar="S")] = 0,
     gallery: Annotated[str | None, arg(metavar="GALLERY", help_behavior_hint=_SAID)] = None,
-    part: Literal["all", "held-out"] = "all",
+    part: Annotated[Literal["all", "held-out"] | None, arg(help_behavior_hint=_SAID)] = None,
+    strength: Annotated[str, arg(metavar="S,…")] = "1",
 ) -> int:
     """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and a figure (.png, with matplotlib).
 
     Args:
         protocol: lafan1: the official protocol of LaFAN1. stitch: from exactly two frames, with samples. gallery: what
-            the paths and durations of a gallery are worth.
-        data: lafan1, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen.
+            the paths and durations of a gallery are worth. style: whether a classifier sees the style asked for.
+        data: lafan1, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen;
+            style: the database that the model was trained on, or another of the same styles.
         out: The folder for tables and figures.
         methods: interp, zero-velocity, dcmoe or stitch (with --model) and LABEL=MODEL, separated by commas.
         model: For dcmoe: an installed model or a folder; the installed model lafan1 where left out.
         context: Frames known to a model before the gap, 1 to 10; the baselines know the protocol's 10.
         seed: Of the bootstrap and of what the model draws.
         gallery: For gallery: a gallery's folder or a model's name; the model's own where left out.
-        part: For gallery: held-out takes only the ends of the clips that trainings hold out.
+        part: For gallery: held-out takes only the ends of the clips that trainings hold out; all where left out.
+            For style: all judges by the halves of all clips, where the judge otherwise learns from those ends.
+        strength: For style: the strengths to ask for it with, separated by commas.
     """
     from interpose.cli import develop
 
+    if protocol == "style":
+        return develop.evaluate_style(data, model, out, strength, part or "held-out", seed)
     if protocol == "stitch":
         return develop.evaluate_stitch(data, methods, model, out, seed)
     if protocol == "gallery":
-        return develop.evaluate_gallery(data, gallery, model, out, part, seed)
+        return develop.evaluate_gallery(data, gallery, model, out, part or "all", seed)
     return develop.evaluate(data, methods, model, out, context, seed)
 
 

@@ -1,4 +1,4 @@
-"""The commands of those who train and measure: prepare, train, export, evaluate."""
+"""The commands of those who train and measure: prepare, labels, train, export, evaluate."""
 
 from __future__ import annotations
 
@@ -25,6 +25,15 @@ def prepare(dataset: str, sources: Sequence[str], out: str, split: str, workers:
     report = ingest.prepare(dataset, list(sources), out, split=split, workers=workers)
     print(report.markdown(), end="")
     print(f"wrote {out}", file=sys.stderr)
+    return 0
+
+
+def labels(data: str, out: str | None, noise: float, seed: int) -> int:
+    module = _of_extra("interpose.train.labels")
+    folder = None if out is None else Path(out)
+    text = module.distil(Path(data), folder, noise=noise, seed=seed, progress=_say)
+    print(text, end="")
+    print(f"wrote {folder or Path(data) / 'labels'} and {module.label_issues.FILE} in {data}", file=sys.stderr)
     return 0
 
 
@@ -99,7 +108,7 @@ def evaluate(data: str, methods: str, model: str | None, out: str, context: int,
         context_frames=context,
         seed=seed,
         model=model,
-        progress=lambda message: print(message, file=sys.stderr, flush=True),
+        progress=_say,
     )
     return _show(folder)
 
@@ -114,7 +123,7 @@ def evaluate_stitch(data: str, methods: str, model: str | None, out: str, seed: 
         folder,
         model=model,
         seed=seed,
-        progress=lambda message: print(message, file=sys.stderr, flush=True),
+        progress=_say,
     )
     return _show(folder)
 
@@ -134,9 +143,29 @@ def evaluate_gallery(data: str, gallery: str | None, model: str | None, out: str
         folder,
         part=part,
         seed=seed,
-        progress=lambda message: print(message, file=sys.stderr, flush=True),
+        progress=_say,
     )
     return _show(folder)
+
+
+def evaluate_style(data: str, model: str | None, out: str, strengths: str, part: str, seed: int) -> int:
+    from interpose.data import database
+    from interpose.runtime import session
+
+    try:
+        asked = [float(text) for text in strengths.split(",")]
+    except ValueError:
+        raise InputError(f"--strength takes numbers separated by commas, got {strengths!r}") from None
+    _of_extra("torch")
+    folder = Path(out)
+    _of_extra("interpose.evaluate.style").evaluate_style(
+        database.load(data), session.load(model), folder, strengths=asked, part=part, seed=seed, progress=_say
+    )
+    return _show(folder)
+
+
+def _say(message: str) -> None:
+    print(message, file=sys.stderr, flush=True)
 
 
 def _show(folder: Path) -> int:

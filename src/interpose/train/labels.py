@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from cleanlab.filter import find_label_issues
 from jaxtyping import Float, Float32, Int64
 from numpy import ndarray
 
@@ -96,8 +97,6 @@ def judge(
         )
     seen = style_windows.seen_of(data)
     said = out_of_sample(seen, starts, label, held, len(known), Recipe(LENGTH, steps=steps, even=False), seed, progress)
-    from cleanlab.filter import find_label_issues
-
     issue = find_label_issues(label, said, filter_by="prune_by_noise_rate", frac_noise=noise, n_jobs=1)
     given = said[np.arange(len(label)), label]
     return Judged(LENGTH, starts, known[label], known[said.argmax(axis=1)], np.asarray(issue, dtype=bool), 1.0 - given)
