@@ -18,7 +18,8 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "interpose"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 COMMANDS = {
-    "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "labels", "train", "export", "evaluate",
+    "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "labels", "train",
+    "export", "evaluate",
 }  # fmt: skip
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
