@@ -215,7 +215,7 @@ def test_a_rig_that_is_no_humanoid_is_interpolated_and_told_why(served):
 def test_a_gap_too_long_for_the_model_is_interpolated(served):
     clip = walk(2, 30.0)
     (made,) = inbetween(clip[0], clip[-1], 601, MODEL)
-    assert made.info.fallback == "the gap is longer than 600 frames"
+    assert made.info.fallback == "the gap is longer than 20 s"
     assert len(made.motion) == 601
 
 

@@ -112,7 +112,7 @@ def test_what_had_to_be_interpolated_comes_once_and_says_why(models: Sessions, c
     (info,) = told.infos
     assert info.method == "interp"
     assert info.fallback is not None
-    assert "longer than 600 frames" in info.fallback
+    assert "longer than 20 s" in info.fallback
 
 
 def test_style_and_blend_reach_the_model(models: Sessions, clip: Clip) -> None:

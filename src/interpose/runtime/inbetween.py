@@ -29,7 +29,8 @@ from interpose.runtime.request import Alternative, Info, Request, Suggested
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, user_frames
 from interpose.runtime.transition import Made, generate
 
-LONGEST_MODEL_GAP = 600
+LONGEST_MODEL_GAP = 601
+"""Steps of the model from start to target, at most: twenty seconds at any rate, 600 frames at 30 Hz."""
 STRAYED = 0.25
 """Metres from its path on average from which on it is told that the root does not keep to it."""
 MISFIT = 0.25
@@ -319,9 +320,10 @@ def _why_not(start: Motion, frames: int | None, request: Request, mapping: retar
         return f"the model '{request.session.name}' is for method {request.session.method}"
     if frames is None:
         return None
-    if frames > LONGEST_MODEL_GAP:
-        return f"the gap is longer than {LONGEST_MODEL_GAP} frames"
-    if model_steps(frames, start.rate) == 1:
+    steps = model_steps(frames, start.rate)
+    if steps > LONGEST_MODEL_GAP:
+        return f"the gap is longer than {LONGEST_MODEL_GAP / MODEL_RATE:.0f} s"
+    if steps == 1:
         return "the gap is shorter than two of the model's frames (1/15 s)"
     return None
 
