@@ -34,6 +34,7 @@ CONFIG = dcmoe.Config(
     experts=2,
     hidden=16,
     gate=(16, 8),
+    planner=None,
     databases=("synthetic 1234",),
     styles=STYLES,
     phases=True,

@@ -20,6 +20,8 @@ from interpose.features import JOINTS
 
 ANCHORS = 8
 """Frames that a plan of the gap has, evenly spaced in time, the keys not counted."""
+LONGEST_PLAN = 92
+"""Steps from start to target that a plan is trained for."""
 PRESS = 6
 """Frames to either side of the seam that are smoothed, less and less."""
 
@@ -117,13 +119,16 @@ def pressed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float
     return values + share * (smooth - values)
 
 
+_CURVE = CubicSpline(np.linspace(0.0, 1.0, ANCHORS + 2), np.eye(ANCHORS + 2)[:, 1:-1], axis=0, bc_type="natural")
+PIECES: Float[ndarray, "power piece anchor"] = _CURVE.c
+"""Coefficients of :func:`spread`, the cubic's first, over the time since a piece's beginning; a gap has length 1."""
+
+
 @lru_cache
 def spread(steps: int) -> Float[ndarray, "frame anchor"]:
     """The weights that carry values at the :data:`ANCHORS` onto all frames, by a natural cubic spline that is nil at
     both keys."""
-    knots = np.linspace(0.0, 1.0, ANCHORS + 2)
-    curve = CubicSpline(knots, np.eye(ANCHORS + 2)[:, 1:-1], axis=0, bc_type="natural")
-    out = np.asarray(curve(np.arange(steps + 1) / steps))
+    out = np.asarray(_CURVE(np.arange(steps + 1) / steps))
     out[[0, -1]] = 0.0
     return out
 
@@ -143,6 +148,11 @@ def ends_shapes(styles: int) -> dict[str, tuple[int, ...]]:
         "path": (ANCHORS, 4),
         "path_known": (1,),
     }
+
+
+def plan_shapes(latent: int, styles: int) -> dict[str, tuple[int, ...]]:
+    """The inputs of a plan as a network by itself: what is known of the gap, and standard noise for its latents."""
+    return ends_shapes(styles) | {"noise": (latent,)}
 
 
 def body_shapes(turn: int) -> dict[str, tuple[int, ...]]:
@@ -199,5 +209,5 @@ def network_shapes(network: dict[str, Any], styles: int) -> dict[str, dict[str, 
     step |= latent_shapes(network["latent"], styles)
     out = {"front": step, "back": step}
     if network["planned"] or network["latents"] == "gap":
-        out["plan"] = ends_shapes(styles) | {"noise": (network["latent"],)}
+        out["plan"] = plan_shapes(network["latent"], styles)
     return out

@@ -9,7 +9,7 @@ import pytest
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.features import HISTORY, KEY_STEP
-from interpose.runtime import rollout
+from interpose.runtime import poses, rollout
 from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, local_rotations
 from interpose.train import validation
@@ -42,12 +42,12 @@ def fed(monkeypatch):
 
 
 def joints(root, local):
-    return rollout.pose_of(root, local).positions
+    return poses.pose_of(root, local).positions
 
 
 def test_poses_are_those_of_the_motion():
     clip = learning.march(5, 1.0, 0.4)
-    pose = rollout.pose_of(clip.root_positions, clip.local_rotations)
+    pose = poses.pose_of(clip.root_positions, clip.local_rotations)
     np.testing.assert_allclose(pose.positions, clip.global_positions(), atol=1e-12)
     np.testing.assert_allclose(pose.rotations, rotation.to_6d(clip.global_rotations()), atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(pose.facing, axis=-1), 1.0)
@@ -57,30 +57,30 @@ def test_poses_are_those_of_the_motion():
 def test_the_base_is_straight_and_of_constant_speed(keys):
     start, target, _ = keys
     ends = (start[0][:, 0], start[1][:, 0]), tuple(target)
-    base = rollout.interpolation(*ends, 9)
+    base = poses.interpolation(*ends, 9)
     assert base.shape == (BATCH, 11, 3 + 22 * 6)
     for at, (root, local) in ((0, ends[0]), (10, ends[1])):
-        pose = rollout.pose_of(root, local)
+        pose = poses.pose_of(root, local)
         np.testing.assert_allclose(base[:, at, :3], pose.hips, atol=1e-12)
         np.testing.assert_allclose(base[:, at, 3:], pose.rotations.reshape(BATCH, -1), atol=1e-9)
     np.testing.assert_allclose(base[:, 5, :3], (ends[0][0] + ends[1][0]) / 2.0)
     hips = rotation.from_6d(base[:, :, 3:9])
     turns = rotation.angle(rotation.multiply(rotation.inverse(hips[:, :-1]), hips[:, 1:]))
     np.testing.assert_allclose(turns, np.broadcast_to(turns[:, :1], turns.shape), atol=1e-7)
-    assert rollout.interpolation(*ends, 0).shape[1] == 2
+    assert poses.interpolation(*ends, 0).shape[1] == 2
 
 
 def test_before_a_lone_start_the_figure_stands_and_only_the_present_phase_is_known(keys):
     start, _, context = keys
     phases = np.random.default_rng(0).normal(size=(BATCH, 13, 10, 2))
-    state = rollout.initial_state(rollout.pose_of(*start), phases)
+    state = rollout.initial_state(poses.pose_of(*start), phases)
     assert not state["velocities"].any()
     assert not state["velocity_known"].any()
     np.testing.assert_array_equal(state["track"], np.repeat(state["track"][:, -1:], HISTORY + 1, axis=1))
     assert not state["phase_past"][:, :-1].any()
     np.testing.assert_array_equal(state["phase_past"][:, -1], phases[:, 6])
     np.testing.assert_array_equal(state["phase_future"], phases[:, 7:])
-    longer = rollout.initial_state(rollout.pose_of(*context), phases)["phase_past"]
+    longer = rollout.initial_state(poses.pose_of(*context), phases)["phase_past"]
     assert not longer[:, : HISTORY - 10].any()
     np.testing.assert_allclose(longer[:, -1 - KEY_STEP], phases[:, 5])
     assert np.abs(longer[:, -10:]).min() > 0.0
@@ -101,7 +101,7 @@ def test_a_gap_gets_its_frames(session, keys, fed, count):
     whole = np.concatenate([start[1], local], axis=1)
     assert np.all(np.sum(whole[:, 1:] * whole[:, :-1], axis=-1) >= 0.0)
     if count:
-        base = rollout.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count)[:, 1:-1, :3]
+        base = poses.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count)[:, 1:-1, :3]
         assert np.linalg.norm(root - base, axis=-1).max() > 0.005
 
 
@@ -110,11 +110,11 @@ def test_the_last_frame_leads_into_the_target_exactly(session, keys, fed, count)
     start, target, _ = keys
     root, local, _ = rollout.generate_batch(session, *start, *target, count)
     feed, said = fed[-1]
-    base = rollout.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count).astype(np.float32)
+    base = poses.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count).astype(np.float32)
     last = feed | rollout.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
     last |= {"base": base[:, count], "base_next": base[:, count + 1]}
     arrived = session.step(last)
-    goal = rollout.pose_of(*target)
+    goal = poses.pose_of(*target)
     np.testing.assert_allclose(arrived["next_hips"], goal.hips, atol=1e-6)
     np.testing.assert_allclose(arrived["next_rotations"], goal.rotations, atol=1e-5)
     np.testing.assert_allclose(arrived["next_positions"], goal.positions, atol=1e-5)
@@ -185,7 +185,7 @@ def test_torch_rolls_out_to_the_same_frames(session, network, frames):
     wanted = validation.roll_out(network, frames, rows).numpy()
     root, local, _ = rollout.generate_batch(session, ends[0][0][:, None], ends[0][1][:, None], *ends[1], gap)
     made = joints(root, local)
-    base = rollout.interpolation(*ends, gap)[:, 1:-1]
+    base = poses.interpolation(*ends, gap)[:, 1:-1]
     naive = joints(
         base[..., :3], local_rotations(rotation.from_6d(base[..., 3:].reshape(5, gap, 22, 6)), HUMANOID.parents)
     )
@@ -201,7 +201,7 @@ def test_a_network_of_the_papers_form_is_fed_the_root_that_it_foresees(session, 
     fed_back = Session(session.path, session.info | {"absolute": True})
     rollout.generate_batch(fed_back, *start, *target, 4)
     assert all(feed["path_known"].all() for feed, _ in fed)
-    pose = rollout.pose_of(*start)
+    pose = poses.pose_of(*start)
     resting = np.concatenate([pose.hips[:, -1, ::2], pose.facing[:, -1], np.zeros((BATCH, 2))], axis=-1)
     np.testing.assert_allclose(fed[0][0]["path"], np.repeat(resting[:, None], 6, axis=1), atol=1e-6)
     for (_, said), (feed, _) in pairwise(fed):

@@ -15,7 +15,7 @@ from interpose.errors import InputError
 from interpose.export import stitch as exporting
 from interpose.models.geometry import root_frame
 from interpose.motion import mirror
-from interpose.runtime import methods, rollout, stitched
+from interpose.runtime import methods, planning, poses, stitched
 from interpose.runtime.inbetween import inbetween
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
@@ -83,7 +83,7 @@ def test_the_run_time_makes_what_training_makes(frames: Frames, monkeypatch, tmp
         "mean_quaternions": model.mean_quaternions.tolist(),
     }
     in_torch(monkeypatch, model)
-    monkeypatch.setattr(stitched, "_planned", plainly)
+    monkeypatch.setattr(planning, "plan", plainly)
     drawn = gaps.evenly(frames, steps, 3, len(STYLES))
     made, _, _ = stitch_gaps.made_gaps(model, frames, drawn, config, torch.Generator().manual_seed(0))
     at = [drawn.start.numpy(), drawn.target.numpy()]
@@ -107,9 +107,9 @@ def test_the_plan_of_a_mirrored_gap_is_the_mirrored_plan(session):
     noise = np.zeros((1, 16))
     plans = []
     for one in (clip, mirror(clip)):
-        first, last = (rollout.pose_of(one.root_positions[[i]], one.local_rotations[[i]]) for i in (5, 40))
-        ends = stitched._ends(first, None, last, None, 35, session.style_weights([None]), [None], 1.0)
-        plans.append(stitched._planned(session, ends, noise)[0])
+        first, last = (poses.pose_of(one.root_positions[[i]], one.local_rotations[[i]]) for i in (5, 40))
+        ends = planning.ends(first, None, last, None, [35], session.style_weights([None]), [None], 1.0)
+        plans.append(planning.plan(session, ends, noise)[0])
     hips, turned = plans[0][..., :3], plans[0][..., 3:].reshape(1, 8, 22, 6)
     np.testing.assert_allclose(plans[1][..., :3], hips * [-1.0, 1.0, 1.0], atol=5e-3)
     wanted = turned[:, :, MIRROR] * [1.0, -1.0, -1.0, -1.0, 1.0, 1.0]

@@ -12,7 +12,7 @@ from interpose import skeleton
 from interpose.data.contacts import INDICES as FEET
 from interpose.features import RATE
 from interpose.models.geometry import root_frame, to_matrix
-from interpose.runtime import rollout
+from interpose.runtime import poses
 from interpose.skeleton import HUMANOID
 from interpose.stitching import ANCHORS, STANDING
 from interpose.train import gaps
@@ -150,7 +150,7 @@ def test_interpolation_is_that_of_the_run_time(frames):
             (frames.hips[[i]].double().numpy(), frames.local[[i]].double().numpy())
             for i in (int(some.start[row]), int(some.target[row]))
         ]
-        wanted = rollout.interpolation(ends[0], ends[1], STEPS - 1)[0]
+        wanted = poses.interpolation(ends[0], ends[1], STEPS - 1)[0]
         np.testing.assert_allclose(led[row], wanted, atol=2e-5)
 
 

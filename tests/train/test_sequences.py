@@ -11,6 +11,7 @@ from interpose import rotation
 from interpose.data import root
 from interpose.features import HISTORY, KEY_STEP, RATE, SIDE_KEYS
 from interpose.models.geometry import facing, root_frame, to_matrix
+from interpose.runtime import poses as batched
 from interpose.runtime import rollout
 from interpose.skeleton import HUMANOID, MIRROR
 from interpose.train.frames import load_frames
@@ -176,7 +177,7 @@ def test_training_starts_where_the_run_time_starts(database, frames, known, with
     hips = torch.stack([frames.hips[now - known + 1 + i] for i in range(known)], dim=1).double().numpy()
     keys = KEY_STEP * torch.arange(-SIDE_KEYS, SIDE_KEYS + 1)
     phases = steady.phases[now[:, None] + keys][..., :2].double().numpy() * with_phases
-    got = rollout.initial_state(rollout.pose_of(hips, local), phases)
+    got = rollout.initial_state(batched.pose_of(hips, local), phases)
 
     assert set(got) == set(wanted._fields)
     for name, value in wanted._asdict().items():
@@ -194,7 +195,7 @@ def test_the_base_is_that_of_the_run_time_and_ends_at_the_target(frames):
     for row in range(12):
         start, total = int(rows.start[row]), int(rows.total[row])
         ends = [(frames.hips[[i]].double().numpy(), frames.local[[i]].double().numpy()) for i in (start, start + total)]
-        wanted = rollout.interpolation(ends[0], ends[1], total - 1)[0]
+        wanted = batched.interpolation(ends[0], ends[1], total - 1)[0]
         np.testing.assert_allclose(base[: total + 1, row], wanted, atol=2e-5)
     rows.gone = rows.total - 2
     late = base_window(frames, rows, 4)
@@ -297,10 +298,10 @@ def test_foreign_keys_ease_into_the_style_and_out_of_it(frames):
     every = torch.arange(92).expand(300, -1)
     turned, placed = poses(frames, rows.start, rows.total, rows.keys, every)
     last = rows.total
-    ends = rollout.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start + last], rows.keys.target_local)))
+    ends = batched.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start + last], rows.keys.target_local)))
     np.testing.assert_allclose(placed[torch.arange(300), last], ends.positions, atol=1e-5)
     np.testing.assert_allclose(turned[torch.arange(300), last], ends.rotations, atol=1e-5)
-    begun = rollout.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start], rows.keys.start_local)))
+    begun = batched.pose_of(*(x.double().numpy() for x in (frames.hips[rows.start], rows.keys.start_local)))
     np.testing.assert_allclose(placed[:, 0], begun.positions, atol=1e-5)
     np.testing.assert_allclose(rows.state.positions, begun.positions, atol=1e-5)
     true = frames.positions[rows.start[:, None] + torch.minimum(every, last[:, None])]

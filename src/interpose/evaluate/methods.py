@@ -123,7 +123,7 @@ def from_model(
     model: an installed model's name, its folder, or None for the default one. Raises InputError where it cannot be
     loaded, or where the skeleton is no humanoid.
     """
-    from interpose.runtime import methods, rollout, session
+    from interpose.runtime import methods, poses, session
 
     loaded = session.load(model)
     carrier = Carrier(skeleton, rate, plan(skeleton))
@@ -141,7 +141,7 @@ def from_model(
             loaded, *start, end[0][:, 0], end[1][:, 0], frames, style=[style] * len(context_root), seed=seed
         )
         root, local = carrier.back(made_root, planted(start, end, made_root, made_local, contacts))
-        return root, rollout.continued(context_local[:, -1], local)
+        return root, poses.continued(context_local[:, -1], local)
 
     return Method(name, generate, context_frames)
 
@@ -169,7 +169,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
     A ``name`` that ends in ``+detail`` refines what it makes. Raises InputError where the model cannot.
     """
-    from interpose.runtime import rollout, session, stitched
+    from interpose.runtime import session, stitched
 
     loaded = session.load(model)
     if name.endswith("+detail") and "stitch+detail" not in loaded.methods:
@@ -192,7 +192,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
         def finished(root: ndarray, local: ndarray) -> Batch:
             root, local = carrier.back(root, local)
-            return root, rollout.continued(context_local[:, -1], local)
+            return root, poses.continued(context_local[:, -1], local)
 
         motions = [finished(root, planted(start, end, root, local, contacts))]
         for number in range(count):

@@ -37,7 +37,7 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import NOTHING_KNOWN, Ends, gather
 from interpose.gallery.windows import select
 from interpose.motion import Motion
-from interpose.runtime import guidance, methods, rollout
+from interpose.runtime import guidance, methods, poses, rollout
 from interpose.runtime.guidance import Gap, Wish
 from interpose.runtime.judgement import TOES
 from interpose.runtime.rollout import Path as Way
@@ -145,7 +145,7 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
     """All rows of one length."""
     scale = gaps.positions.std(axis=(0, 1)) + 1e-6
     steps = gaps.frames + 1
-    base = rollout.interpolation(
+    base = poses.interpolation(
         (gaps.root[:, 0], gaps.local[:, 0]), (gaps.root[:, -1], gaps.local[:, -1]), gaps.frames
     )
     six = base[:, 1:-1, 3:].reshape(len(gaps), gaps.frames, len(HUMANOID), 6)

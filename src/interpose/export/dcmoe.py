@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from interpose.errors import InputError
-from interpose.export import folder, onnx_file
+from interpose.export import folder, onnx_file, plan
 from interpose.features import (
     EXPERT_INPUT,
     GATE_INPUT,
@@ -21,9 +21,9 @@ from interpose.features import (
     output_layout,
     state_shapes,
 )
-from interpose.models.dcmoe import Control, DCMoE, Size, State
+from interpose.models.dcmoe import Control, DCMoE, State
 from interpose.runtime.session import Session
-from interpose.train import checkpoint
+from interpose.train import checkpoint, dcmoe
 
 CARRIED = [name for name in state_shapes() if name != "velocity_known"]
 """The state that comes out of a step; the velocity is always known then."""
@@ -63,6 +63,10 @@ def export(
 
     def fill(made: Path) -> dict[str, Any]:
         difference = write_step(model, made / "step.onnx")
+        planner: dict[str, Any] = {}
+        if model.planner is not None:
+            differs = plan.write_plan(model.planner, made / "plan.onnx")
+            planner = {"planner": config["planner"] | {"difference_from_torch": differs}}
         bank = model.phase_bank.numpy().astype(np.float16)
         if np.any(bank):
             np.save(made / "phases.npy", bank)
@@ -76,7 +80,7 @@ def export(
             },
             "limits": {"trained_frames_to_target": LONGEST},
             "difference_from_torch": difference,
-        }
+        } | planner
 
     return folder.write(out, saved, folder.Told(name, "dcmoe", dict(metrics or {})), model, fill)
 
@@ -98,9 +102,7 @@ def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: st
 
 def model_of(saved: Mapping[str, Any]) -> DCMoE:
     """The network of a checkpoint, ready to run. Raises InputError where the weights do not fit the config."""
-    config = saved["config"]
-    size = Size(config["experts"], config["hidden"], tuple(config["gate"]), config["absolute"], len(config["styles"]))
-    model = DCMoE(size)
+    model = DCMoE(dcmoe.size_of(saved["config"]))
     checkpoint.average_into(model, saved)
     return model
 

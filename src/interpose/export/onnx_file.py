@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,18 +35,19 @@ def write(
     outputs: Sequence[str],
     tolerance: float,
     tolerance_stored: float,
-    frames: bool = False,
+    frames: bool | tuple[str, ...] = False,
 ) -> dict[str, float]:
     """Writes ``network`` and returns the largest differences from torch, before and after its weights are rounded.
 
-    frames: whether the inputs' second axis, too, may have any length. Raises InputError where a difference is larger
-    than its tolerance.
+    frames: whether the inputs' second axis, too, may have any length (from 3 on), or that of those inputs (from 1 on).
+    Raises InputError where a difference is larger than its tolerance.
     """
     network = network.eval()
     inputs = example(3, 0)
-    free: dict[int, Any] = {0: torch.export.Dim("batch", min=1, max=65536)}
-    if frames:
-        free[1] = torch.export.Dim("frames", min=3, max=4096)
+    named = frames if isinstance(frames, tuple) else tuple(inputs) if frames else ()
+    batch = torch.export.Dim("batch", min=1, max=65536)
+    longer = torch.export.Dim("frames", min=1 if isinstance(frames, tuple) else 3, max=4096)
+    free: list[dict[int, Any]] = [{0: batch, 1: longer} if name in named else {0: batch} for name in inputs]
     with _quiet(), warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
@@ -54,7 +55,7 @@ def write(
             tuple(inputs.values()),
             input_names=list(inputs),
             output_names=list(outputs),
-            dynamic_shapes=(tuple(dict(free) for _ in inputs),),
+            dynamic_shapes=(tuple(free),),
             opset_version=OPSET,
             dynamo=True,
             verbose=False,
@@ -149,3 +150,26 @@ def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
     graph.node.extend(nodes)
     model.opset_import.append(helper.make_opsetid("com.microsoft", 1))
     return model
+
+
+def example(shapes: Mapping[str, tuple[int, ...]], batch: int, seed: int = 0) -> dict[str, Tensor]:
+    """Inputs of plausible size, for tracing and for the check."""
+    generator = torch.Generator().manual_seed(seed)
+    out = {}
+    for name, shape in shapes.items():
+        out[name] = torch.randn(batch, *shape, generator=generator) * 0.3
+    for name, value in out.items():
+        if name.endswith("rotations") and value.shape[-1] == 6:
+            value += torch.tensor([1.0, 0, 0, 0, 1.0, 0])
+        elif name.endswith("rotations"):
+            value += torch.tensor([0.0, 0, 0, 1.0])
+            value /= value.norm(dim=-1, keepdim=True)
+        elif name.startswith("base_"):
+            value[:, 3:] += torch.tensor([1.0, 0, 0, 0, 1.0, 0]).repeat(22)
+    for name in ("left", "steps"):
+        if name in out:
+            out[name] = torch.randint(2, 40, (batch, 1), generator=generator).float()
+    if "style" in out:
+        count = out["style"].shape[1]
+        out["style"] = torch.nn.functional.one_hot(torch.arange(batch) % count, count).float()
+    return out

@@ -12,6 +12,9 @@ gone and k those left,
     next = A(c+1) + (k-1)/k (current - A(c)) + [k > 1] net,
 
 in 6-D, so that what the network adds decays to nothing at the target and arrival is exact whatever it says.
+
+With a planner (`interpose.models.gap_plan`, docs/method.md, D26) A is what that foresees of the whole gap, so that the
+steps need not find the way, only walk it.
 """
 
 from __future__ import annotations
@@ -38,6 +41,7 @@ from interpose.features import (
     SIDE_KEYS,
     output_layout,
 )
+from interpose.models.gap_plan import GapPlan, PlanSize
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import ExpertLinear, sinusoids
 
@@ -50,13 +54,14 @@ ROTATION_SCALE = 0.08
 
 @dataclass(frozen=True)
 class Size:
-    """The network's size; the defaults are the paper's (section 3.1)."""
+    """The network's size; the defaults are the paper's (section 3.1). plan: of the planner, None for none."""
 
     experts: int = 16
     hidden: int = 512
     gate: tuple[int, int] = (512, 128)
     absolute: bool = False
     styles: int = 0
+    plan: PlanSize | None = None
 
 
 class State(NamedTuple):
@@ -155,6 +160,7 @@ class DCMoE(nn.Module):
         self.half_products = False  # bfloat16 inside the network, in training only
         self.layout = output_layout(size.absolute)
         self.network = Network(size)
+        self.planner = None if size.plan is None else GapPlan(size.plan)
         self.style = nn.Linear(size.styles + 1, 256, bias=False)  # a lookup table that also takes mixed labels
         nn.init.normal_(self.style.weight)
         self.register_buffer("mean", torch.zeros(EXPERT_INPUT.width))

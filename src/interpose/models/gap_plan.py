@@ -18,12 +18,12 @@ from torch import Tensor, nn
 from interpose.features import JOINTS, RATE
 from interpose.models.geometry import facing, root_frame, to_matrix
 from interpose.models.layers import residual_mlp, sinusoids
-from interpose.stitching import ANCHORS
+from interpose.stitching import ANCHORS, LONGEST_PLAN
 
 POSE = 3 + JOINTS * 6
 TIME = 64
-LONGEST = 92
-"""Steps from start to target that a plan is trained for; more are seen as these."""
+LONGEST = LONGEST_PLAN
+"""Steps from start to target; more are seen as these."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.runtime import chains, rollout
+from interpose.runtime import chains, poses, rollout
 from interpose.runtime.chains import Made
-from interpose.runtime.rollout import Path
+from interpose.runtime.poses import Path
 from interpose.runtime.session import Session
 from interpose.stitching import schedule
 
@@ -36,6 +36,7 @@ def generate_batch(
     vary: bool = False,
     paths: Sequence[Path | None] | None = None,
     arriving: Float[ndarray, "batch 22 3"] | None = None,
+    strength: float = 1.0,
 ) -> Made:
     """As `interpose.runtime.rollout.generate_batch`, for a model that has a backward network, too.
 
@@ -55,6 +56,7 @@ def generate_batch(
             phases[rows],
             [ways[row] for row in rows],
             None if arriving is None else arriving[rows],
+            strength,
         )
 
     return chains.by_length(frames, target_root, target_local, make)
@@ -69,12 +71,13 @@ def _of_length(
     phases: Float[ndarray, "batch 13 10 2"],
     paths: list[Path | None],
     arriving: Float[ndarray, "batch 22 3"] | None,
+    strength: float,
 ) -> Made:
     """Gaps of one length."""
     steps, count = frames + 1, len(target[0])
-    context = rollout.pose_of(*start)
-    goal = rollout.pose_of(target[0][:, None], target[1][:, None])
-    base = rollout.interpolation((start[0][:, -1], start[1][:, -1]), target, frames).astype(np.float32)
+    context = poses.pose_of(*start)
+    goal = poses.pose_of(target[0][:, None], target[1][:, None])
+    base = poses.interpolation((start[0][:, -1], start[1][:, -1]), target, frames).astype(np.float32)
     states = [rollout.initial_state(context, phases), rollout.initial_state(goal, np.zeros_like(phases))]
     if arriving is not None:
         states[1] |= {"velocities": -arriving, "velocity_known": np.ones((count, 1))}
@@ -82,7 +85,7 @@ def _of_length(
     keys = [states[0], states[1]]
     seen = [rollout.guidance(paths, frames), rollout.guidance([_reversed(path) for path in paths], frames)]
     given = np.array([[float(path is not None)] for path in paths], dtype=np.float32)
-    fixed = rollout.steering(session, rollout.last(goal), style) | {"path_known": given}
+    fixed = rollout.steering(session, poses.last(goal), style, strength) | {"path_known": given}
     made: tuple[list[chains.Frame], list[chains.Frame]] = ([], [])
     at = [0, steps]
     for move in schedule(steps, BUFFER):
@@ -102,7 +105,7 @@ def _of_length(
         made[side].append(states[side] | {"contacts": said["contacts"]})
         at[side] = move.made
     hips, turned, contacts = chains.joined(made, steps, BUFFER)
-    return hips, rollout.continued(start[1][:, -1], rollout.local_of(turned)), contacts
+    return hips, poses.continued(start[1][:, -1], poses.local_of(turned)), contacts
 
 
 def _reversed(path: Path | None) -> Path | None:

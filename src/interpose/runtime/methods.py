@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.runtime import dual, rollout, stitched
-from interpose.runtime.rollout import Path
+from interpose.runtime.poses import Path
 from interpose.runtime.session import Session
 
 
@@ -25,15 +25,25 @@ def generate_batch(
     paths: Sequence[Path | None] | None = None,
     control: float = 1.0,
     arriving: Float[ndarray, "batch 22 3"] | None = None,
+    strength: float = 1.0,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]:
     """Hips, local rotations and contact probabilities by the model's own method; see
     `interpose.runtime.rollout.generate_batch`. arriving: the joints' velocities at the target, where they are known and
-    the method sees them."""
+    the method sees them. strength: of the styles, see `interpose.runtime.session.Session.style_weights`."""
     keys = start_root, start_local, target_root, target_local
     if session.method == "stitch":
-        return stitched.stitch(session, *keys, frames, style, seed, vary, paths, control, arriving)[0]
+        return stitched.stitch(session, *keys, frames, style, seed, vary, paths, control, arriving, strength)[0]
     if "back" in session.shapes:
-        return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving)
+        return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving, strength)
     return rollout.generate_batch(
-        session, *keys, frames, style=style, seed=seed, vary=vary, paths=paths, control=control
+        session,
+        *keys,
+        frames,
+        style=style,
+        seed=seed,
+        vary=vary,
+        paths=paths,
+        control=control,
+        arriving=arriving,
+        strength=strength,
     )

@@ -8,54 +8,16 @@ and the count of frames left. On the base the last step leads into the target ex
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose import rotation
-from interpose import skeleton as kinematics
-from interpose.features import CHANNELS, CONTACTS, HISTORY, JOINTS, KEY_STEP, KEYS, RATE, SIDE_KEYS, state_shapes
+from interpose.features import CHANNELS, CONTACTS, HISTORY, KEY_STEP, KEYS, RATE, SIDE_KEYS, state_shapes
+from interpose.runtime import planning
+from interpose.runtime.poses import Path, Pose, bases, continued, last, local_of, pose_of
 from interpose.runtime.session import Session
-from interpose.skeleton import HUMANOID
-
-PARENTS = HUMANOID.parents
-POSE = 3 + JOINTS * 6
-Path = Float[ndarray, "_ 3"]
-"""The root's way on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
-_UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """A batch of poses as the step takes them. rotations: ``q_world_joint`` as 6-D. facing: of the hips, (x, z)."""
-
-    hips: Float[ndarray, "*batch 3"]
-    rotations: Float[ndarray, "*batch 22 6"]
-    positions: Float[ndarray, "*batch 22 3"]
-    facing: Float[ndarray, "*batch 2"]
-
-
-def pose_of(root: Float[ndarray, "*batch 3"], local: Float[ndarray, "*batch 22 4"]) -> Pose:
-    """Poses of :data:`~interpose.skeleton.HUMANOID` from hips positions and local rotations."""
-    world = kinematics.global_rotations(local, PARENTS)
-    positions = kinematics.global_positions(root, world, PARENTS, HUMANOID.offsets)
-    facing = rotation.rotate(rotation.twist(world[..., 0, :], _UP), _FORWARD)[..., ::2]
-    return Pose(root, rotation.to_6d(world), positions, facing)
-
-
-def interpolation(
-    start: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
-    target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
-    frames: int,
-) -> Float[ndarray, "batch time pose"]:
-    """The base A from start to target, both included (frames + 2): hips linear, rotations SLERPed, as (hips, 6-D)."""
-    t = np.linspace(0.0, 1.0, frames + 2)
-    root = start[0][:, None] + t[:, None] * (target[0] - start[0])[:, None]
-    local = rotation.slerp(start[1][:, None], target[1][:, None], t[:, None])
-    six = rotation.to_6d(kinematics.global_rotations(local, PARENTS))
-    return np.concatenate([root, six.reshape(*six.shape[:2], -1)], axis=-1)
+from interpose.stitching import LONGEST_PLAN, spread
 
 
 def initial_state(context: Pose, phases: Float[ndarray, "batch 13 10 2"]) -> dict[str, ndarray]:
@@ -112,26 +74,43 @@ def generate_batch(
     vary: bool = False,
     paths: Sequence[Path | None] | None = None,
     control: float = 1.0,
+    arriving: Float[ndarray, "batch 22 3"] | None = None,
+    strength: float = 1.0,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]:
     """The ``frames`` frames between start and target at 30 Hz: hips, local rotations, contact probabilities.
 
     The last context frame is the start key. Where the rows' ``frames`` differ, a shorter row is followed by its target.
-    style: a label a row, None to leave it free. ``vary`` starts the rows in different phases, so that they become
-    variants of one another; otherwise the seed changes nothing. paths: for each row the root's way from start to
-    target, frames + 2 rows, or None to leave it to the network. control: how much the path counts beside the root that
-    the network foresees, 0 to 1. Raises InputError for an unknown style.
+    style: a label a row, None to leave it free. ``vary`` starts the rows in different phases and along different plans,
+    so that they become variants of one another; otherwise the seed changes nothing. paths: for each row the root's way
+    from start to target, frames + 2 rows, or None to leave it to the network. control: how much the path counts beside
+    the root that the network foresees, 0 to 1. arriving: the joints' velocities at the target, where they are known.
+    strength: of the styles (`interpose.runtime.session.Session.style_weights`). Raises InputError for an unknown style.
     """
     count = len(start_root)
     each = [frames] * count if isinstance(frames, int) else list(frames)
     longest = max(each, default=0)
     context = pose_of(start_root, start_local)
     target = pose_of(target_root, target_local)
-    base = _bases((start_root[:, -1], start_local[:, -1]), (target_root, target_local), each).astype(np.float32)
+    way = list(paths or [None] * count)
+    labels = list(style or [None] * count)
+    drawn = planning.noise((session.plan_latent,), count, seed, vary)
+    base = led(
+        session,
+        context,
+        (start_root[:, -1], start_local[:, -1]),
+        (target_root, target_local),
+        each,
+        session.style_weights(labels, strength),
+        drawn,
+        way,
+        control,
+        arriving,
+    ).astype(np.float32)
     state = initial_state(context, initial_phases(session, count, seed, vary))
     state = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in state.items()}
-    fixed = steering(session, target, style or [None] * count)
-    given = np.array([path is not None for path in paths or [None] * count])
-    keys = guidance(list(paths or [None] * count), longest)
+    fixed = steering(session, target, labels, strength)
+    given = np.array([path is not None for path in way])
+    keys = guidance(way, longest)
     fixed["path_known"][given] = 1.0
     hips, six, contacts = [], [], []
     foreseen = resting_path(context)
@@ -158,38 +137,38 @@ def generate_batch(
     return np.stack(hips, axis=1).astype(float), local, np.stack(contacts, axis=1).astype(float)
 
 
-def local_of(six: Float[ndarray, "*batch 22 6"]) -> Float[ndarray, "*batch 22 4"]:
-    """Local rotations from global ones as 6-D."""
-    return kinematics.local_rotations(rotation.from_6d(six), PARENTS)
-
-
-def continued(
-    start: Float[ndarray, "batch joint 4"], local: Float[ndarray, "batch frame joint 4"]
-) -> Float[ndarray, "batch frame joint 4"]:
-    """``local`` with the signs that go on without a jump from the start key's."""
-    whole = np.concatenate([start[:, None], local], axis=1)
-    return rotation.continuous(whole.swapaxes(0, 1)).swapaxes(0, 1)[:, 1:]
-
-
-def last(context: Pose) -> Pose:
-    """The last frame of poses (batch, frame, ...)."""
-    return Pose(context.hips[:, -1], context.rotations[:, -1], context.positions[:, -1], context.facing[:, -1])
-
-
-def _bases(
+def led(
+    session: Session,
+    context: Pose,
     start: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
     target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
-    frames: list[int],
+    frames: Sequence[int],
+    style: Float[ndarray, "batch style"],
+    drawn: Float[ndarray, "batch unit"],
+    paths: Sequence[Path | None],
+    control: float = 1.0,
+    arriving: Float[ndarray, "batch 22 3"] | None = None,
 ) -> Float[ndarray, "batch time pose"]:
-    """Each row's :func:`interpolation`; after a shorter one its target stands still."""
-    longest = max(frames, default=0)
-    out = np.empty((len(frames), longest + 2, POSE))
-    for length in set(frames):
-        rows = [row for row, n in enumerate(frames) if n == length]
-        made = interpolation((start[0][rows], start[1][rows]), (target[0][rows], target[1][rows]), length)
-        out[rows, : length + 2] = made
-        out[rows, length + 2 :] = made[:, -1:]
-    return out
+    """The base that the steps walk along, keys included: interpolation, or where the model has a planner what that
+    foresees, of the latents that noise ``drawn`` gives, its root laid on the path. Gaps that are longer than plans are
+    trained for have none.
+
+    context: poses (batch, frame, ...) up to the start key.
+    """
+    base = bases(start, target, list(frames))
+    if not session.plans:
+        return base
+    leaving = None
+    if context.hips.shape[1] > 1:
+        leaving = (context.positions[:, -1] - context.positions[:, -2]) * RATE
+    steps = [n + 1 for n in frames]
+    goal = pose_of(*target)
+    told = planning.ends(last(context), leaving, goal, arriving, steps, style, paths, control)
+    added = planning.plan(session, told, drawn)[0]
+    for length in {n for n in steps if n <= LONGEST_PLAN}:
+        rows = [row for row, n in enumerate(steps) if n == length]
+        base[rows, : length + 1] += np.einsum("ta,bac->btc", spread(length), added[rows])
+    return planning.laid(base, paths, control)
 
 
 def guidance(paths: list[Path | None], frames: int) -> Float[ndarray, "batch {frames} 6 6"]:
@@ -221,14 +200,14 @@ def after(said: dict[str, ndarray]) -> dict[str, ndarray]:
     return state | {"velocity_known": np.ones((len(state["hips"]), 1), dtype=np.float32)}
 
 
-def steering(session: Session, target: Pose, style: list[str | None]) -> dict[str, ndarray]:
+def steering(session: Session, target: Pose, style: list[str | None], strength: float = 1.0) -> dict[str, ndarray]:
     """What stays the same through a gap: the target, the styles, no path."""
     count = len(style)
     return {
         "target_hips": target.hips.astype(np.float32),
         "target_rotations": target.rotations.astype(np.float32),
         "target_positions": target.positions.astype(np.float32),
-        "style": session.style_weights(style),
+        "style": session.style_weights(style, strength),
         "path": np.zeros((count, SIDE_KEYS, 6), dtype=np.float32),
         "path_known": np.full((count, 1), float(session.feeds_path_back), dtype=np.float32),
     }

@@ -21,7 +21,7 @@ from numpy import ndarray
 
 from interpose import stitching
 from interpose.errors import InputError
-from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes
+from interpose.features import CHANNELS, KEYS, control_shapes, state_shapes, target_shapes
 from interpose.gallery import store
 from interpose.gallery.store import Gallery
 from interpose.runtime import blends
@@ -74,12 +74,35 @@ class Session:
         return int(buffer), bool(aligned), bool(both)
 
     @property
+    def plans(self) -> bool:
+        """Whether a model of method dcmoe has a planner, along which it walks."""
+        return self.method == "dcmoe" and "planner" in self.info
+
+    @property
+    def plan_latent(self) -> int:
+        """The units of that planner's noise; 0 without one."""
+        return int(self.info["planner"]["latent"]) if self.plans else 0
+
+    @property
+    def completes(self) -> bool:
+        """Whether it has a network that completes targets given in part."""
+        return "target" in self.info
+
+    @property
+    def latent(self) -> int:
+        """The units of that network's noise."""
+        return int(self.info["target"]["latent"])
+
+    @property
     def shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
         """The inputs of each network, without the batch axis."""
         styles = len(self.styles)
         if self.method != "stitch":
             step = state_shapes() | control_shapes(styles)
-            return {"step": step} | ({"back": step} if "backward" in self.info else {})
+            more = {"target": target_shapes(styles, self.latent)} if self.completes else {}
+            if self.plans:
+                more["plan"] = stitching.plan_shapes(self.plan_latent, styles)
+            return {"step": step} | ({"back": step} if "backward" in self.info else {}) | more
         return stitching.network_shapes(self.info["network"], styles) | (
             {"detail": stitching.DETAIL_SHAPES} if self.refines else {}
         )
@@ -96,8 +119,12 @@ class Session:
 
     @cached_property
     def networks(self) -> dict[str, onnxruntime.InferenceSession]:
-        """The networks as ONNX Runtime sessions, made at first use."""
-        return {name: self._open(name, shapes) for name, shapes in self.shapes.items()}
+        """The networks as ONNX Runtime sessions, made at first use; that which completes targets at its own first."""
+        return {name: self._open(name, shapes) for name, shapes in self.shapes.items() if name != "target"}
+
+    @cached_property
+    def _completion(self) -> onnxruntime.InferenceSession:
+        return self._open("target", self.shapes["target"])
 
     def _open(self, name: str, shapes: dict[str, tuple[int, ...]]) -> onnxruntime.InferenceSession:
         options = onnxruntime.SessionOptions()
@@ -139,21 +166,25 @@ class Session:
     @cached_property
     def outputs(self) -> dict[str, list[str]]:
         """Names of each network's outputs, in order."""
-        return {name: [o.name for o in network.get_outputs()] for name, network in self.networks.items()}
+        return {name: _names(network) for name, network in self.networks.items()}
 
     def run(self, name: str, feed: dict[str, ndarray]) -> dict[str, ndarray]:
         """Runs a network: inputs by name, float32 with a batch axis; outputs by name."""
-        made = cast(list[ndarray], self.networks[name].run(None, feed))
-        return dict(zip(self.outputs[name], made, strict=True))
+        if name == "target":
+            network, names = self._completion, _names(self._completion)
+        else:
+            network, names = self.networks[name], self.outputs[name]
+        return dict(zip(names, cast(list[ndarray], network.run(None, feed)), strict=True))
 
     def step(self, feed: dict[str, ndarray]) -> dict[str, ndarray]:
         """Runs one frame of dcmoe: state and control in; ``next_*`` and contacts out."""
         return self.run("step", feed)
 
-    def style_weights(self, styles: list[str | None]) -> Float[ndarray, "batch style"]:
+    def style_weights(self, styles: list[str | None], strength: float = 1.0) -> Float[ndarray, "batch style"]:
         """A row of weights over (free, style 1, ...) for each label, which may blend styles (`blends`).
 
-        Raises InputError for an unknown one.
+        strength: how far the weights go from free to the style, beyond it from 1 on; they sum to one at any. As the
+        embedding is a linear map of them, this is guidance in its space. Raises InputError for an unknown label.
         """
         weights = np.zeros((len(styles), len(self.styles) + 1), dtype=np.float32)
         for row, style in enumerate(styles):
@@ -161,9 +192,14 @@ class Session:
                 weights[row, 0] = 1.0
                 continue
             blends.check(style, self.styles, self.name)
+            weights[row, 0] = 1.0 - strength
             for name, share in blends.shares(style).items():
-                weights[row, self.styles.index(name) + 1] = share
+                weights[row, self.styles.index(name) + 1] = strength * share
         return weights
+
+
+def _names(network: onnxruntime.InferenceSession) -> list[str]:
+    return [output.name for output in network.get_outputs()]
 
 
 def installed() -> list[Path]:

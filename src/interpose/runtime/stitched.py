@@ -16,33 +16,12 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.data.contacts import INDICES
-from interpose.features import JOINTS, RATE
+from interpose.features import RATE
+from interpose.runtime import planning
 from interpose.runtime.chains import Frame, Made, by_length, joined
-from interpose.runtime.rollout import Path, Pose, continued, interpolation, last, local_of, pose_of
+from interpose.runtime.poses import Path, Pose, continued, interpolation, last, local_of, pose_of
 from interpose.runtime.session import Session
-from interpose.skeleton import MIRROR
-from interpose.stitching import ANCHORS, STANDING, memory_shapes, schedule, seam, spread
-
-TEMPERATURE = 0.6
-"""How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
-FLIP = np.array([-1.0, 1.0, 1.0])
-
-
-def noise(
-    session: Session, count: int, seed: int, vary: bool, moves: int
-) -> Float[ndarray, "batch unit"] | Float[ndarray, "batch move unit"]:
-    """Standard noise for the latents, one a gap or one for each of its ``moves``, as the model has it.
-
-    A row's depends on the seed and the row alone. Without ``vary``, and in the first row of seed 0, there is none: that
-    is the likeliest motion.
-    """
-    network = session.info["network"]
-    shape = (network["latent"],) if network["latents"] == "gap" else (moves, network["latent"])
-    out = np.zeros((count, *shape))
-    if vary:
-        for row in range(0 if seed else 1, count):
-            out[row] = TEMPERATURE * np.random.default_rng((seed, row)).standard_normal(shape)
-    return out
+from interpose.stitching import STANDING, memory_shapes, schedule, seam, spread
 
 
 def stitch(
@@ -58,6 +37,7 @@ def stitch(
     paths: Sequence[Path | None] | None = None,
     control: float = 1.0,
     arriving: Float[ndarray, "batch 22 3"] | None = None,
+    strength: float = 1.0,
 ) -> tuple[Made, Float[ndarray, "batch"]]:
     """As `interpose.runtime.rollout.generate_batch`, for a model of method stitch; and how far apart the chains' joints
     are in the middle, metres (MMPE, equation 13), NaN where only one chain comes so far.
@@ -66,7 +46,7 @@ def stitch(
     """
     count = len(start_root)
     apart = np.full(count, np.nan)
-    weights = session.style_weights(style or [None] * count)
+    weights = session.style_weights(style or [None] * count, strength)
 
     def make(rows: list[int], length: int) -> Made:
         made, apart[rows] = _of_length(
@@ -75,7 +55,7 @@ def stitch(
             (target_root[rows], target_local[rows]),
             length,
             weights[rows],
-            noise(session, count, seed, vary, len(schedule(length + 1, *session.course)))[rows],
+            planning.noise(_latents(session, length + 1), count, seed, vary)[rows],
             [None if paths is None else paths[row] for row in rows],
             control,
             None if arriving is None else arriving[rows],
@@ -83,6 +63,13 @@ def stitch(
         return made
 
     return by_length(frames, target_root, target_local, make), apart
+
+
+def _latents(session: Session, steps: int) -> tuple[int, ...]:
+    """The shape of a gap's latents: one for the whole of it, or one for each frame made."""
+    network = session.info["network"]
+    units = (network["latent"],)
+    return units if network["latents"] == "gap" else (len(schedule(steps, *session.course)), *units)
 
 
 def _of_length(
@@ -107,17 +94,14 @@ def _of_length(
     base = interpolation(*keys, frames)
     latent = drawn
     if "plan" in session.shapes:
-        ends = _ends(first, leaving, goal, arriving, steps, style, paths, control)
+        ends = planning.ends(first, leaving, goal, arriving, [steps] * len(drawn), style, paths, control)
         one = drawn if network["latents"] == "gap" else np.zeros((len(drawn), network["latent"]))
-        added, z = _planned(session, ends, one)
+        added, z = planning.plan(session, ends, one)
         if network["planned"]:
             base = base + np.einsum("ta,bac->btc", spread(steps), added)
         if network["latents"] == "gap":
             latent = z
-    for row, path in enumerate(paths):
-        if path is not None:
-            base[row, 1:-1, 0] += control * (path[1:-1, 0] - base[row, 1:-1, 0])
-            base[row, 1:-1, 2] += control * (path[1:-1, 1] - base[row, 1:-1, 2])
+    base = planning.laid(base, paths, control)
     speeds = leaving, None if arriving is None else -arriving
     if network["form"] == "paper":
         letter = Letter(np.array(session.info["mean_quaternions"]), first)
@@ -135,39 +119,6 @@ def _of_length(
             hips, turned, contacts = _refined(session, (first, goal), hips, turned, contacts)
         local = local_of(turned)
     return (hips, continued(start[1][:, -1], local), contacts), _apart(chains, steps)
-
-
-def _planned(
-    session: Session, ends: dict[str, ndarray], noise: Float[ndarray, "batch unit"]
-) -> tuple[Float[ndarray, "batch anchor pose"], Float[ndarray, "batch unit"]]:
-    """What the plan adds to interpolation at the anchors, and its latents.
-
-    The data was mirrored in training, so that the plan of the mirror image is as good as the plan, and their mean is
-    better: what both likeliest plans differ by is halved, in samples as well.
-    """
-    still = np.zeros_like(noise)
-
-    def plan(seen: dict[str, ndarray]) -> dict[str, ndarray]:
-        return session.run("plan", {name: value.astype(np.float32) for name, value in seen.items()})
-
-    said = plan(ends | {"noise": noise})
-    own = plan(ends | {"noise": still})["added"] if noise.any() else said["added"]
-    other = plan({name: _mirrored(name, value) for name, value in ends.items()} | {"noise": still})["added"]
-    hips, turned = other[..., :3], other[..., 3:].reshape(*other.shape[:2], JOINTS, 6)
-    back = [_mirrored("hips", hips), _mirrored("rotations", turned).reshape(*other.shape[:2], -1)]
-    return said["added"] + 0.5 * (np.concatenate(back, axis=-1) - own), said["latent"]
-
-
-def _mirrored(name: str, value: ndarray) -> ndarray:
-    """An input of the plan seen in a mirror at x = 0, left and right exchanged, as `interpose.motion.mirror` does."""
-    kind = name.rpartition("_")[2]
-    if kind == "hips":
-        return value * FLIP
-    if kind in ("positions", "velocities"):
-        return value[..., MIRROR, :] * FLIP
-    if kind == "rotations":
-        return value[..., MIRROR, :] * np.concatenate([-FLIP, FLIP])
-    return value * np.array([-1.0, 1.0, -1.0, 1.0]) if name == "path" else value
 
 
 def _refined(
@@ -197,37 +148,6 @@ def _apart(chains: tuple[list[Frame], list[Frame]], steps: int) -> Float[ndarray
         return np.full(len(chains[0][0]["hips"]), np.nan)
     front, back = chains[0][middle - 1]["positions"], chains[1][steps - middle - 1]["positions"]
     return np.asarray(np.linalg.norm(front - back, axis=-1).mean(axis=-1), dtype=float)
-
-
-def _ends(
-    start: Pose,
-    leaving: Float[ndarray, "batch 22 3"] | None,
-    target: Pose,
-    arriving: Float[ndarray, "batch 22 3"] | None,
-    steps: int,
-    style: Float[ndarray, "batch style"],
-    paths: list[Path | None],
-    control: float,
-) -> dict[str, ndarray]:
-    """The inputs of the plan."""
-    count = len(start.hips)
-    out: dict[str, ndarray] = {}
-    for name, pose, speed in (("start", start, leaving), ("target", target, arriving)):
-        out |= {
-            f"{name}_hips": pose.hips,
-            f"{name}_rotations": pose.rotations,
-            f"{name}_positions": pose.positions,
-            f"{name}_velocities": np.zeros_like(pose.positions) if speed is None else speed,
-            f"{name}_known": np.full((count, 1), float(speed is not None)),
-        }
-    way = np.zeros((count, ANCHORS, 4))
-    known = np.array([[float(path is not None and control > 0.0)] for path in paths])
-    at = np.arange(1, ANCHORS + 1) / (ANCHORS + 1) * steps
-    for row, path in enumerate(paths):
-        if path is not None:
-            x, z, yaw = (np.interp(at, np.arange(len(path)), path[:, i]) for i in range(3))
-            way[row] = np.stack([x, z, np.sin(yaw), np.cos(yaw)], axis=-1)
-    return out | {"steps": np.full((count, 1), float(steps)), "style": style, "path": way, "path_known": known}
 
 
 def _body(pose: Pose, velocities: Float[ndarray, "batch 22 3"] | None) -> dict[str, ndarray]:

@@ -1,17 +1,18 @@
 """The recipe of DC-MoE: ``interpose train dcmoe --data DB -o RUN``.
 
-What trains well (docs/method.md, D1 to D10) is the default: the residual on the interpolation base, one-step training
-with noise on the input, then truncated back-propagation through the model's own roll-outs, longer by stages. Preset
-``paper`` is the recipe of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4,
+What trains well (docs/method.md, D1 to D10, D26) is the default: a planner of whole gaps first, then the residual on
+what it foresees, one-step training with noise on the input, then truncated back-propagation through the model's own
+roll-outs, longer by stages. What each of these is worth is in docs/dcmoe-ablations.md. Preset ``paper`` is the recipe
+of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4,
 batches of 32, losses of equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -23,8 +24,10 @@ from interpose.data.database import Database
 from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
 from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
-from interpose.train import checkpoint, loop, losses, validation
+from interpose.models.gap_plan import GapPlan, PlanSize
+from interpose.train import checkpoint, loop, losses, planning, validation
 from interpose.train.frames import Frames, backwards, divided, origin
+from interpose.train.planning import Planning
 from interpose.train.sequences import (
     PLAIN,
     Keys,
@@ -57,6 +60,8 @@ class Config:
     hidden: int = 512
     gate: tuple[int, int] = (512, 128)
     absolute: bool = False
+    planner: PlanSize | None = field(default_factory=lambda: PlanSize(hidden=1024))
+    planning: Planning = field(default_factory=lambda: Planning(40_000, 2048))
     stages: tuple[Stage, ...] = (Stage(30_000, 1, 1024), Stage(30_000, 8, 256), Stage(30_000, 16, 256))
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
@@ -80,6 +85,7 @@ class Config:
     backward: bool = False
     """on motion that runs backwards, for stitching from both ends"""
     licence: str = ""
+    plan_from: str = ""
 
 
 PRESETS: dict[str, Config] = {
@@ -89,6 +95,8 @@ PRESETS: dict[str, Config] = {
         experts=8,
         hidden=256,
         gate=(256, 64),
+        planner=PlanSize(),
+        planning=Planning(6_000, 512),
         stages=(Stage(2_000, 1, 512), Stage(2_500, 8, 128), Stage(1_600, 12, 128)),
     ),
     "tiny": Config(
@@ -96,6 +104,8 @@ PRESETS: dict[str, Config] = {
         experts=2,
         hidden=32,
         gate=(32, 16),
+        planner=PlanSize(hidden=32, depth=1),
+        planning=Planning(10, 16),
         stages=(Stage(10, 1, 16), Stage(10, 3, 16)),
         warmup=2,
         average=0.5,
@@ -104,6 +114,7 @@ PRESETS: dict[str, Config] = {
     "paper": Config(
         preset="paper",
         absolute=True,
+        planner=None,
         stages=(Stage(300_000, 1, 32),),
         learning_rate=1e-4,
         warmup=0,
@@ -139,6 +150,8 @@ def train(
     stages: tuple[Stage, ...] | None = None,
     foreign_keys: float | None = None,
     backward: bool = False,
+    plan_from: Path | None = None,
+    plan_steps: int | None = None,
     config: Config | None = None,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
@@ -146,9 +159,11 @@ def train(
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
     upper body, which makes the style label matter (`interpose.train.sequences.poses`). backward: on motion that runs
-    backwards, for stitching from both ends (`interpose.runtime.dual`). config: in place of the preset's. Raises
-    InputError for an unknown preset, databases that do not load or are too short, phases that do not fit, a share that
-    is none, and a run folder of another config.
+    backwards, for stitching from both ends (`interpose.runtime.dual`). plan_from: another run, of dcmoe or stitch,
+    whose planner is taken. plan_steps: updates of the planner, by default the preset's, or none where it is taken.
+    config: in place of the preset's. Raises InputError for an unknown preset, databases that do not load or are too
+    short, phases that do not fit, a share that is none, a run without the planner that is asked for, and a run folder
+    of another config.
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
@@ -158,6 +173,16 @@ def train(
         raise InputError(f"the share of foreign keys must be 0 to 1, got {foreign_keys}")
     loaded = [database.load(path) for path in data]
     chosen = config or PRESETS[preset]
+    styles = tuple(sorted({s for d in loaded for s in d.styles}))
+    taken = None
+    if plan_from is not None:
+        taken = _taken(plan_from)
+        plan_steps = plan_steps or 0
+        chosen = replace(chosen, plan_from=plan_from.name)
+    if plan_steps is not None:
+        chosen = replace(chosen, planning=replace(chosen.planning, steps=plan_steps))
+    if chosen.planner is not None:
+        chosen = replace(chosen, planner=replace(chosen.planner, styles=len(styles)))
     if foreign_keys is not None:
         chosen = replace(chosen, sampling=replace(chosen.sampling, foreign_keys=foreign_keys))
     config = replace(
@@ -165,7 +190,7 @@ def train(
         seed=seed,
         stages=stages or chosen.stages,
         **origin(loaded),
-        styles=tuple(sorted({s for d in loaded for s in d.styles})),
+        styles=styles,
         phases=phases is not None,
         backward=backward,
     )
@@ -176,46 +201,107 @@ def train(
     training, held_out = divided(loaded, list(config.styles), arrays)
     if backward:
         training, held_out = backwards(training), backwards(held_out)
-    return run(config, training.to(device), held_out.to(device), run_dir, max_minutes)
+    return run(config, training.to(device), held_out.to(device), run_dir, max_minutes, taken)
 
 
-def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
-    """The training itself, on frames that are already on their device."""
+def _taken(run_dir: Path) -> dict[str, Tensor]:
+    """The weights of another run's planner."""
+    saved = checkpoint.load(run_dir)
+    weights: dict[str, Tensor] = {} if saved is None else saved.get("ema", {})
+    for place in ("module.planner.", "module.plan."):
+        found = {k.removeprefix(place): v for k, v in weights.items() if k.startswith(place)}
+        if found:
+            return found
+    raise InputError(f"{run_dir}: no run of 'interpose train dcmoe' or 'stitch' with a planner is there")
+
+
+def size_of(config: Mapping[str, Any]) -> Size:
+    """The network's size that a saved config tells of."""
+    plan = config.get("planner")
+    return Size(
+        config["experts"],
+        config["hidden"],
+        tuple(config["gate"]),
+        config["absolute"],
+        len(config["styles"]),
+        None if plan is None else PlanSize(**plan),
+    )
+
+
+def run(
+    config: Config,
+    data: Frames,
+    held_out: Frames,
+    run_dir: Path,
+    max_minutes: float | None,
+    taken: Mapping[str, Tensor] | None = None,
+) -> loop.Outcome:
+    """The training itself, on frames that are already on their device. taken: a planner's weights to start from."""
     device = data.hips.device
     torch.manual_seed(config.seed)
-    styles = len(config.styles)
-    model = DCMoE(Size(config.experts, config.hidden, config.gate, config.absolute, styles)).to(device)
+    model = DCMoE(size_of(asdict(config))).to(device)
     model.half_products = config.half
     generator = torch.Generator(device).manual_seed(config.seed)
+    foreseeing = 0
+    if model.planner is not None:
+        foreseeing = config.planning.steps
+        model.planner.half_products = config.half
+        planning.set_statistics(model.planner, data, config.sampling, generator)
+        if taken is not None:
+            _take(model.planner, taken)
     set_statistics(model, data, config, generator)
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     average = loop.moving_average(model, config.average)
     state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
-    steps = sum(stage.steps for stage in config.stages)
+    walking = sum(stage.steps for stage in config.stages)
 
     def update(step: int) -> Mapping[str, Tensor | float]:
-        stage = _stage(config, step)
-        rows = _rows(state.extra, data, stage, config, generator)
-        factor = loop.cosine(step, steps, config.warmup, floor=0.01) if config.warmup else 1.0
-        loop.set_learning_rate(optimizer, config.learning_rate * factor)
+        first = step < foreseeing
+        at, of, rate = step, foreseeing, config.planning.learning_rate
+        if not first:
+            at, of, rate = step - foreseeing, walking, config.learning_rate
+        factor = loop.cosine(at, of, config.warmup, floor=0.01) if config.warmup else 1.0
+        loop.set_learning_rate(optimizer, rate * factor)
         # The outer context, itself off, keeps the weights' half-precision copies from one frame to the next.
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
-            total, each = unroll(model, data, rows, stage.unroll, config, generator)
+            if first:
+                assert model.planner is not None
+                total, each = planning.loss(model.planner, data, config.sampling, config.planning, generator)
+            else:
+                stage = _stage(config, at)
+                rows = _rows(state.extra, cast(DCMoE, average.module).planner, data, stage, config, generator)
+                total, each = unroll(model, data, rows, stage.unroll, config, generator)
+                _keep(state.extra, rows)
         optimizer.zero_grad(set_to_none=True)
         total.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
         optimizer.step()
         average.update_parameters(model)
-        _keep(state.extra, rows)
         scalars: dict[str, Tensor | float] = {"loss": total.detach(), **{k: v.detach() for k, v in each.items()}}
-        if (step + 1) % 1000 == 0:
-            scalars |= validation.ratios(cast(DCMoE, average.module), held_out, config.sampling)
+        if (at + 1) % 1000 == 0:
+            scalars |= validation.ratios(cast(DCMoE, average.module), held_out, config.sampling, plan_alone=first)
         return scalars
 
-    per_step = round(sum(s.steps * s.unroll * s.rows for s in config.stages) / steps)
+    steps = foreseeing + walking
+    seen = foreseeing * config.planning.rows + sum(s.steps * s.unroll * s.rows for s in config.stages)
     return loop.run(
-        run_dir, config, state, steps, update, samples_per_step=per_step, checkpoint_every=500, max_minutes=max_minutes
+        run_dir,
+        config,
+        state,
+        steps,
+        update,
+        samples_per_step=round(seen / steps),
+        checkpoint_every=500,
+        max_minutes=max_minutes,
     )
+
+
+def _take(planner: GapPlan, weights: Mapping[str, Tensor]) -> None:
+    try:
+        planner.load_state_dict(weights)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise InputError(f"the planner to start from does not fit ({reason}); give a run of the same size") from None
 
 
 def unroll(
@@ -226,10 +312,12 @@ def unroll(
     mask = target_mask(len(rows.start), config, generator)
     sums: dict[str, Tensor] = {}
     total = torch.zeros((), device=data.hips.device)
-    base = base_window(data, rows, length)
+    base = base_window(data, rows, length, config.planner is not None)
     steps = rows.gone[:, None] + torch.arange(length + 1, device=data.hips.device)
+    whole = (steps[:, -1] <= rows.total).float()
     steps = torch.cat([steps, rows.total[:, None]], dim=1)
     turned, placed = poses(data, rows.start, rows.total, rows.keys, steps)
+    way = [rows.state.positions]
     for i in range(length):
         here = rows.state.positions
         steer = control(data, rows, base[i], base[i + 1], turned[:, -1], placed[:, -1])
@@ -244,7 +332,12 @@ def unroll(
         for name, value in each.items():
             sums[name] = sums.get(name, 0.0) + value.detach() / length
         rows.state = after
+        way.append(after.positions)
         rows.gone = torch.minimum(rows.gone + 1, rows.total)
+    if not config.absolute:
+        loss, each = losses.windows(torch.stack(way, dim=1), placed[:, :-1], whole, config.weights)
+        total = total + loss
+        sums |= {name: value.detach() for name, value in each.items()}
     rows.state = State(*(x.detach() for x in rows.state))
     return total, sums
 
@@ -267,7 +360,9 @@ def target_mask(count: int, config: Config, generator: torch.Generator) -> Float
 def set_statistics(model: DCMoE, data: Frames, config: Config, generator: torch.Generator, count: int = 8192) -> None:
     """Means and deviations of features and outputs over a sample of rows, into the model's buffers."""
     rows = draw(data, count, len(config.styles), config.sampling, generator)
-    base = base_window(data, rows, 1)
+    if config.planner is not None:
+        planning.add_perfect_plans(data, rows)
+    base = base_window(data, rows, 1, config.planner is not None)
     steps = torch.stack([rows.gone, rows.gone + 1, rows.total], dim=1)
     turned, placed = poses(data, rows.start, rows.total, rows.keys, steps)
     steer = control(data, rows, base[0], base[1], turned[:, 2], placed[:, 2])
@@ -306,12 +401,22 @@ def _stage(config: Config, step: int) -> Stage:
     return config.stages[-1]
 
 
-def _rows(extra: dict, data: Frames, stage: Stage, config: Config, generator: torch.Generator) -> Rows:
+def _fresh(planner: GapPlan | None, data: Frames, count: int, config: Config, generator: torch.Generator) -> Rows:
+    """Fresh rows, with their plans."""
+    rows = draw(data, count, len(config.styles), config.sampling, generator)
+    if planner is not None:
+        planning.add_plans(planner, data, rows, config.planning.posterior, generator)
+    return rows
+
+
+def _rows(
+    extra: dict, planner: GapPlan | None, data: Frames, stage: Stage, config: Config, generator: torch.Generator
+) -> Rows:
     """The roll-outs of this update: those that go on, and fresh ones in place of those that ended and some others."""
     device = data.hips.device
     kept: dict | None = extra.get("rows")
     if kept is None or len(kept["start"]) != stage.rows or stage.unroll == 1:
-        return draw(data, stage.rows, len(config.styles), config.sampling, generator)
+        return _fresh(planner, data, stage.rows, config, generator)
     rows = Rows(
         **{k: kept[k].to(device) for k in PLAIN},
         keys=Keys(**{f.name: kept[f.name].to(device) for f in fields(Keys)}),
@@ -321,7 +426,7 @@ def _rows(extra: dict, data: Frames, stage: Stage, config: Config, generator: to
     drawn = torch.rand(stage.rows, generator=generator, device=device)
     wanted = max(int(ended.sum()), round(config.fresh * stage.rows))
     where = torch.argsort(drawn - ended.float())[:wanted]
-    replace_rows(rows, draw(data, wanted, len(config.styles), config.sampling, generator), where)
+    replace_rows(rows, _fresh(planner, data, wanted, config, generator), where)
     return rows
 
 

@@ -13,12 +13,15 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.features import CONTACTS, RATE
+from interpose.data.contacts import INDICES, SLIDE_HEIGHT
+from interpose.features import RATE
 from interpose.models.dcmoe import Prediction
-from interpose.skeleton import HUMANOID
 from interpose.train.sequences import Truth
 
-FEET = [HUMANOID.index(name) for name in CONTACTS]
+FEET = list(INDICES)
+TOES = [INDICES[1], INDICES[3]]
+SPAN = 6
+"""Frames over which jerk is compared."""
 
 
 def _mean(x: Float[Tensor, "row"], alive: Float[Tensor, "row"]) -> Float[Tensor, ""]:
@@ -79,6 +82,8 @@ class Weights:
     trajectory: float = 0.05
     phase: float = 0.05
     consistency: float = 0.5
+    skate: float = 10.0
+    energy: float = 0.1
 
 
 def unrolled(
@@ -107,3 +112,41 @@ def unrolled(
     }
     total = sum(getattr(weights, name) * value for name, value in each.items())
     return torch.as_tensor(total), each
+
+
+def windows(
+    made: Float[Tensor, "row frame 22 3"],
+    true: Float[Tensor, "row frame 22 3"],
+    whole: Float[Tensor, "row"],
+    weights: Weights,
+) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+    """What only several frames together show: :func:`skate` and :func:`energy`, of the rows (``whole``, 1 or 0) whose
+    gap is not over."""
+    each = {"skate": _mean(skate(made), whole), "energy": _mean(energy(made, true), whole)}
+    return torch.as_tensor(weights.skate * each["skate"] + weights.energy * each["energy"]), each
+
+
+def skate(positions: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, "row"]:
+    """The way of the toes a frame while they are low, metres: the foot slide of the tables as a loss, 2 - 2^(h/H) the
+    weight of a toe at height h."""
+    toes = positions[:, :, TOES]
+    weight = 2.0 - torch.exp2((toes[:, 1:, :, 1] / SLIDE_HEIGHT).clamp(0.0, 1.0))
+    return (weight * _length(toes.diff(dim=1))).flatten(1).mean(dim=-1)
+
+
+def _length(x: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+    """The norm, with a gradient at nil."""
+    return (x.square().sum(dim=-1) + 1e-10).sqrt()
+
+
+def energy(made: Float[Tensor, "row frame 22 3"], true: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, "row"]:
+    """| log of the joints' mean jerk over the truth's |, in every :data:`SPAN` frames of each joint by itself, so that
+    it cannot be made up for elsewhere; below 1 mm a frame^3 the truth counts as still."""
+    if made.shape[1] < 5:
+        return made.new_zeros(len(made))
+    span = min(SPAN, made.shape[1] - 3)
+    here, there = (
+        F.avg_pool1d(_length(x.diff(n=3, dim=1)).flatten(2).transpose(1, 2), span, max(1, span // 2)) + 1e-3
+        for x in (made, true)
+    )
+    return (here / there).log().abs().flatten(1).mean(dim=-1)

@@ -17,12 +17,16 @@ from torch import Tensor
 from interpose import rotation
 from interpose.features import HISTORY, JOINTS, KEY_STEP, LONGEST, RATE, SIDE_KEYS
 from interpose.models.dcmoe import Control, State
+from interpose.models.gap_plan import POSE
 from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.skeleton import HUMANOID
+from interpose.stitching import ANCHORS, PIECES
 from interpose.train.frames import Frames, interpolation, nlerp, world_matrices
 
 UPPER = slice(HUMANOID.index("Spine"), len(HUMANOID))
 """Spine, head and arms: what may be somebody else's at the keys."""
+FARTHEST = 600
+"""Frames from start to target, 20 s."""
 EASE = 15.0
 """Frames over which a foreign upper body gives way."""
 
@@ -53,7 +57,8 @@ class Rows:
     """Roll-outs in progress; fields are rewritten row by row as gaps end.
 
     start, gone, total: first frame, frames gone and frames from start to target. path_known, style: what the row was
-    told.
+    told. start_known, target_known: whether a plan of the gap sees the velocities at the keys. added: what that plan
+    adds to interpolation at its anchors.
     """
 
     start: Int[Tensor, "row"]
@@ -61,11 +66,14 @@ class Rows:
     total: Int[Tensor, "row"]
     path_known: Float[Tensor, "row 1"]
     style: Float[Tensor, "row style"]
+    start_known: Float[Tensor, "row 1"]
+    target_known: Float[Tensor, "row 1"]
+    added: Float[Tensor, "row anchor pose"]
     keys: Keys
     state: State
 
 
-PLAIN = ("start", "gone", "total", "path_known", "style")
+PLAIN = ("start", "gone", "total", "path_known", "style", "start_known", "target_known", "added")
 """The fields of :class:`Rows` that are one tensor each."""
 
 
@@ -86,6 +94,10 @@ class Sampling:
     """metres"""
     longest: int = LONGEST
     """frames from start to target at most"""
+    far: float = 0.0
+    """of gaps beyond that, up to :data:`FARTHEST`"""
+    target_velocity: float = 0.3
+    """known to a plan; the start's is where the frames before it are, or, from inside a gap, as often"""
     foreign_keys: float = 0.0
     """of rows with a lone start or from inside a gap: the keys' upper bodies are somebody else's (see `poses`)"""
 
@@ -99,6 +111,8 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
 
     short = uniform(count) < 0.5
     reach = torch.where(short, (rule.longest + 1) // 2, rule.longest)
+    if rule.far:
+        reach = torch.where(uniform(count) < rule.far, FARTHEST, reach)
     total = (2 + uniform(count) * (reach - 1)).long()
     start = (uniform(count) * len(data)).long()
     start = torch.maximum(torch.minimum(start, data.last[start] - total), data.first[start])
@@ -129,6 +143,9 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
         torch.where(taken, donors[1], data.local[start + total]),
     )
     path_known = (uniform(count, 1) < rule.path).float()
+    seen = uniform(count, 2) < rule.target_velocity
+    before = torch.where(inside, seen[:, 0], ~lone) & (start > data.first[start]) & ~foreign
+    beyond = seen[:, 1] & (start + total < data.last[start]) & ~foreign
     around = torch.stack([(gone - 1).clamp_min(0), gone], dim=1)
     turned, placed = poses(data, start, total, keys, around)
 
@@ -138,9 +155,11 @@ def draw(data: Frames, count: int, styles: int, rule: Sampling, generator: torch
     hips = data.hips[now] + normal(count, 3) * rule.hips_noise
     matrices = to_matrix(turned[:, 1] + normal(count, 22, 6) * rule.rotation_noise)
     moved = (foreign & inside)[:, None, None]
-    before = torch.where(moved, placed[:, 0], data.positions[torch.maximum(now - 1, lowest)])
-    state = fresh_state(data, now, lowest, hips, matrices, before, known_phase)
-    return Rows(start, gone, total, path_known, style, keys, state)
+    previous = torch.where(moved, placed[:, 0], data.positions[torch.maximum(now - 1, lowest)])
+    state = fresh_state(data, now, lowest, hips, matrices, previous, known_phase)
+    known = before.float()[:, None], beyond.float()[:, None]
+    added = torch.zeros(count, ANCHORS, POSE, device=device)
+    return Rows(start, gone, total, path_known, style, *known, added, keys, state)
 
 
 def _donor(data: Frames, which: Float[Tensor, "row"], share: Float[Tensor, "row 1 1"]) -> Float[Tensor, "row 22 4"]:
@@ -219,14 +238,30 @@ def replace_rows(rows: Rows, fresh: Rows, where: Int[Tensor, "index"]) -> None:
     rows.state = State(*(old.index_copy(0, where, new) for old, new in zip(rows.state, fresh.state, strict=True)))
 
 
-def base_window(data: Frames, rows: Rows, length: int) -> Float[Tensor, "time row pose"]:
-    """The interpolation base of each row at its present frame and the ``length`` next, clamped at the target."""
+def base_window(data: Frames, rows: Rows, length: int, planned: bool = False) -> Float[Tensor, "time row pose"]:
+    """The base of each row at its present frame and the ``length`` next, clamped at the target: interpolation, or with
+    ``planned`` what the row's plan makes of it, its root laid on the path where one is given."""
     steps = rows.gone[:, None] + torch.arange(length + 1, device=rows.gone.device)
-    parts = (steps / rows.total[:, None]).clamp(max=1.0)
+    steps = torch.minimum(steps, rows.total[:, None])
+    parts = steps / rows.total[:, None]
     start, target = rows.start, rows.start + rows.total
     keys = rows.keys
     base = interpolation(data.hips[start], keys.start_local, data.hips[target], keys.target_local, parts)
+    if planned:
+        base = base + spread_at(parts) @ rows.added
+        way = data.hips[start[:, None] + steps]
+        base[..., [0, 2]] += rows.path_known[..., None] * (way - base[..., :3])[..., [0, 2]]
     return base.transpose(0, 1).contiguous()
+
+
+def spread_at(parts: Float[Tensor, "row time"]) -> Float[Tensor, "row time anchor"]:
+    """`interpose.stitching.spread` at any parts of a gap, 0 to 1."""
+    pieces = torch.as_tensor(PIECES).to(parts)
+    count = pieces.shape[1]
+    at = (parts * count).floor().long().clamp(0, count - 1)
+    here = (parts - at / count)[..., None]
+    cubic, square, linear, constant = pieces[:, at]
+    return ((cubic * here + square) * here + linear) * here + constant
 
 
 def control(

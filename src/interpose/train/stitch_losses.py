@@ -13,13 +13,10 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.data.contacts import INDICES, SLIDE_HEIGHT
+from interpose.data.contacts import INDICES
 from interpose.train.gaps import Motion
+from interpose.train.losses import energy, skate
 from interpose.train.stitch_rollout import Chain, Stitched
-
-TOES = [INDICES[1], INDICES[3]]
-SPAN = 6
-"""Frames over which jerk is compared."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +62,8 @@ def chains(
 
     position, rotation, contact, root: L1 (binary cross-entropy for contacts) over the frames that the generators made
     (equations 5 and 7). displacement: L1 of the joints' steps in the stitched motion. foot: the way of feet that truly
-    stand. skate: see :func:`skate`. stitch: L1 between the chains in the frames that both made (equation 4). energy:
-    how far the joints' mean jerk is from the truth's, as a ratio's logarithm, in every few frames by itself.
+    stand. skate, energy: see `interpose.train.losses`. stitch: L1 between the chains in the frames that both made
+    (equation 4).
     """
     both = [made.front] if made.back is None else [made.front, made.back]
     weight = known / known.mean().clamp_min(1e-6)
@@ -93,8 +90,8 @@ def chains(
         ),
         "displacement": rows((step - true_step).abs()),
         "foot": rows(stands[..., None] * step[:, :, INDICES].abs()),
-        "skate": skate(made.positions),
-        "energy": _energy(made.positions, true.positions),
+        "skate": skate(made.positions).mean(),
+        "energy": energy(made.positions, true.positions).mean(),
     }
     if made.back is not None and shared:
         each["stitch"] = made.apart(shared).abs().mean()
@@ -108,29 +105,3 @@ def _root(both: list[Chain], true: Motion, rows: Callable[[Tensor], Tensor]) -> 
         made = chain.hips.diff(dim=1)
         parts.append((made - true.hips[:, chain.frames].diff(dim=1)).abs())
     return rows(torch.cat(parts, dim=1))
-
-
-def skate(positions: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, ""]:
-    """The way of the toes a frame while they are low, metres: the foot slide of the tables as a loss, 2 - 2^(h/H) the
-    weight of a toe at height h."""
-    toes = positions[:, :, TOES]
-    weight = 2.0 - torch.exp2((toes[:, 1:, :, 1] / SLIDE_HEIGHT).clamp(0.0, 1.0))
-    return (weight * _length(toes.diff(dim=1))).mean()
-
-
-def _length(x: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
-    """The norm, with a gradient at nil."""
-    return (x.square().sum(dim=-1) + 1e-10).sqrt()
-
-
-def _energy(made: Float[Tensor, "row frame 22 3"], true: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, ""]:
-    """| log of the joints' mean jerk over the truth's |, in every :data:`SPAN` frames of each joint by itself, so that
-    it cannot be made up for elsewhere; below 1 mm a frame^3 the truth counts as still."""
-    if made.shape[1] < 5:
-        return made.new_zeros(())
-    span = min(SPAN, made.shape[1] - 3)
-    here, there = (
-        F.avg_pool1d(_length(x.diff(n=3, dim=1)).flatten(2).transpose(1, 2), span, max(1, span // 2)) + 1e-3
-        for x in (made, true)
-    )
-    return (here / there).log().abs().mean()

@@ -7,7 +7,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from interpose.models.dcmoe import DCMoE
+from interpose.models.gap_plan import POSE
 from interpose.models.geometry import joint_positions, to_matrix
+from interpose.stitching import ANCHORS
+from interpose.train import planning
 from interpose.train.frames import Frames
 from interpose.train.sequences import Keys, Rows, Sampling, base_window, control, fresh_state
 
@@ -26,7 +29,9 @@ def fixed_rows(data: Frames, gap: int, count: int, styles: int) -> Rows:
     here = data.positions[start]
     state = fresh_state(data, start, start, data.hips[start], to_matrix(data.rotations[start]), here, unknown)
     whole = torch.full_like(start, total)
-    return Rows(start, torch.zeros_like(start), whole, torch.zeros_like(style[:, :1]), style, keys, state)
+    nothing = torch.zeros_like(style[:, :1])
+    added = torch.zeros(count, ANCHORS, POSE, device=start.device)
+    return Rows(start, torch.zeros_like(start), whole, nothing, style, nothing, nothing, added, keys, state)
 
 
 @torch.no_grad()
@@ -34,7 +39,7 @@ def roll_out(model: DCMoE, data: Frames, rows: Rows) -> Float[Tensor, "row frame
     """Joint positions of the frames between start and target; all rows have gaps of one length."""
     out = []
     steps = int(rows.total[0])
-    base = base_window(data, rows, steps)
+    base = base_window(data, rows, steps, model.planner is not None)
     target = rows.start + rows.total
     for i in range(steps - 1):
         steer = control(data, rows, base[i], base[i + 1], data.rotations[target], data.positions[target])
@@ -45,20 +50,35 @@ def roll_out(model: DCMoE, data: Frames, rows: Rows) -> Float[Tensor, "row frame
 
 
 @torch.no_grad()
-def ratios(model: DCMoE, data: Frames, rule: Sampling, count: int = 128) -> dict[str, float]:
-    """Mean joint position error over interpolation's, by gap, where the held-out clips are long enough."""
+def ratios(model: DCMoE, data: Frames, rule: Sampling, count: int = 128, plan_alone: bool = False) -> dict[str, float]:
+    """Mean joint position error over interpolation's, by gap, where the held-out clips are long enough: ``valid/30``
+    with no path, ``path/30`` along the true one, and ``jerk/30``, the jerk without a path over the truth's.
+
+    plan_alone: of what the planner foresees, and no step makes.
+    """
     longest = int((data.last - data.first).max())
-    styles = model.size.styles
+    generator = torch.Generator(data.hips.device).manual_seed(0)
     out = {}
     for gap in GAPS:
         if gap + 1 > min(longest, rule.longest + 1):
             continue
-        rows = fixed_rows(data, gap, count, styles)
-        true = rows.start[:, None] + torch.arange(1, gap + 1, device=rows.start.device)
-        real = data.positions[true]
-        base = base_window(data, rows, gap)[1:].transpose(0, 1).flatten(0, 1)
-        matrices = to_matrix(base[:, 3:].unflatten(1, (22, 6)))
-        naive = joint_positions(base[:, :3], matrices).unflatten(0, (count, gap))
-        made = roll_out(model, data, rows)
-        out[f"valid/{gap}"] = float((made - real).norm(dim=-1).mean() / (naive - real).norm(dim=-1).mean())
+        for name in ("valid", "path"):
+            rows = fixed_rows(data, gap, count, model.size.styles)
+            rows.path_known.fill_(float(name == "path"))
+            if model.planner is not None:
+                planning.add_plans(model.planner, data, rows, 0.0, generator)
+            true = rows.start[:, None] + torch.arange(1, gap + 1, device=rows.start.device)
+            real, naive = data.positions[true], _placed(base_window(data, rows, gap)[1:])
+            made = _placed(base_window(data, rows, gap, True)[1:]) if plan_alone else roll_out(model, data, rows)
+            kind = f"plan {name}" if plan_alone else name
+            out[f"{kind}/{gap}"] = float((made - real).norm(dim=-1).mean() / (naive - real).norm(dim=-1).mean())
+            if name == "valid" and not plan_alone and gap > 3:
+                shake, real_shake = (x.diff(n=3, dim=1).norm(dim=-1).mean() for x in (made, real))
+                out[f"jerk/{gap}"] = float(shake / real_shake)
     return out
+
+
+def _placed(base: Float[Tensor, "frame row pose"]) -> Float[Tensor, "row frame 22 3"]:
+    """Joint positions of poses as (hips, global 6-D)."""
+    flat = base.transpose(0, 1).flatten(0, 1)
+    return joint_positions(flat[:, :3], to_matrix(flat[:, 3:].unflatten(1, (22, 6)))).unflatten(0, base.shape[1::-1])
