@@ -21,6 +21,7 @@ from interpose.runtime.inbetween import Candidate
 from interpose.runtime.request import PATHS, Request, Suggested
 from interpose.runtime.session import Session, load
 from interpose.runtime.stream import Stream
+from interpose.runtime.streams import Streams
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +107,29 @@ class Model:
         style: str | None = None,
         seed: int = 0,
         mapping: retarget.Mapping | None = None,
+        plant: bool = False,
     ) -> Stream:
         """Motion one pose at a time from the last frame of ``start``; its target may change: see :class:`Stream`.
 
-        Raises InputError for a rig that is no humanoid, and for an unknown style.
+        ``plant``: hold feet where they stand. Raises InputError for a rig that is no humanoid, and an unknown style.
         """
-        return Stream(self.session, start, style, seed, mapping)
+        return Stream(self.session, start, style, seed, mapping, plant)
+
+    def streams(
+        self,
+        starts: Sequence[Motion],
+        *,
+        styles: str | Sequence[str | None] | None = None,
+        seed: int = 0,
+        mapping: retarget.Mapping | None = None,
+        plant: bool = False,
+    ) -> Streams:
+        """Many characters of one rig, each as by :meth:`stream`, by one run of the network a frame: see :class:`Streams`.
+
+        Their seeds are ``seed`` and those that follow. Raises InputError for no start, several rigs, a rig that is no humanoid, and an unknown style.
+        """
+        seeds = range(seed, seed + len(starts))
+        return Streams(self.session, starts, styles, seeds, mapping, plant)
 
 
 def _path(path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None) -> tuple[str, DrawnFile | None]:
