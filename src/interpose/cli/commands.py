@@ -246,7 +246,7 @@ def labels(
     data: Annotated[Positional[str], arg(metavar="DB")],
     /,
     out: Annotated[str | None, arg(aliases=["-o"], metavar="DIR", help_behavior_hint=_SAID)] = None,
-    noise: Annotated[float, arg(metavar="SHARE")] = 1.0,
+    noise: Annotated[float, arg(metavar="SHARE")] = 0.6,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
     """Find the frames of a database that its style labels do not describe; trainings then leave these labels free.
@@ -256,7 +256,7 @@ def labels(
     Args:
         data: A database from `interpose prepare`.
         out: The folder for the report and pictures of what was dropped; DB/labels where left out.
-        noise: The share of the estimated label errors to drop, most doubtful first.
+        noise: The share of the estimated label errors to drop, most doubtful first; 1 is plain confident learning.
         seed: Of the judging networks.
     """
     from interpose.cli import develop
@@ -332,7 +332,8 @@ def export(
 
 def evaluate(
     protocol: Annotated[
-        Positional[Literal["lafan1", "stitch", "gallery", "style"]], arg(metavar="lafan1|stitch|gallery|style")
+        Positional[Literal["lafan1", "dcmoe", "stitch", "gallery", "style"]],
+        arg(metavar="lafan1|dcmoe|stitch|gallery|style"),
     ],
     /,
     data: Annotated[str, arg(metavar="DIR")],
@@ -348,9 +349,10 @@ def evaluate(
     """Measure methods by a benchmark's protocol: tables (.md, .csv, .json) and a figure (.png, with matplotlib).
 
     Args:
-        protocol: lafan1: the official protocol of LaFAN1. stitch: from exactly two frames, with samples. gallery: what
-            the paths and durations of a gallery are worth. style: whether a classifier sees the style asked for.
-        data: lafan1, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen;
+        protocol: lafan1: the official protocol of LaFAN1. dcmoe: its windows from one frame, along each kind of path,
+            with pictures of gaps. stitch: from exactly two frames, with samples. gallery: what the paths and durations
+            of a gallery are worth. style: whether a classifier sees the style asked for.
+        data: lafan1, dcmoe, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen;
             style: the database that the model was trained on, or another of the same styles.
         out: The folder for tables and figures.
         methods: interp, zero-velocity, dcmoe or stitch (with --model) and LABEL=MODEL, separated by commas.
@@ -366,6 +368,8 @@ def evaluate(
 
     if protocol == "style":
         return develop.evaluate_style(data, model, out, strength, part or "held-out", seed)
+    if protocol == "dcmoe":
+        return develop.evaluate_dcmoe(data, methods, out, seed)
     if protocol == "stitch":
         return develop.evaluate_stitch(data, methods, model, out, seed)
     if protocol == "gallery":

@@ -113,6 +113,20 @@ def evaluate(data: str, methods: str, model: str | None, out: str, context: int,
     return _show(folder)
 
 
+def evaluate_dcmoe(data: str, methods: str, out: str, seed: int) -> int:
+    from interpose.evaluate import dcmoe
+
+    folder = Path(out)
+    dcmoe.evaluate_dcmoe(
+        Path(data),
+        methods.split(","),
+        folder,
+        seed=seed,
+        progress=lambda message: print(message, file=sys.stderr, flush=True),
+    )
+    return _show(folder)
+
+
 def evaluate_stitch(data: str, methods: str, model: str | None, out: str, seed: int) -> int:
     from interpose.evaluate import stitch
 

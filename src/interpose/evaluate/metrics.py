@@ -11,6 +11,7 @@ Foot slide is that of `interpose.data.contacts`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -209,3 +210,17 @@ def seam(whole: Float[ndarray, "window frame joint 3"]) -> tuple[Scores, Scores]
         Scores(speed[:, middle - 1 : middle + 2].mean(axis=1), speed.mean(axis=1)),
         Scores(bend[:, middle - 1 : middle + 1].mean(axis=1), bend.mean(axis=1)),
     )
+
+
+def pooled(each: Sequence[Scores]) -> Scores:
+    """The mean over several samples of the same windows, window by window."""
+    return Scores(np.mean([s.total for s in each], axis=0), np.mean([s.weight for s in each], axis=0))
+
+
+def best(each: Sequence[Scores]) -> Scores:
+    """Each window's smallest of several samples."""
+    totals = np.stack([s.total for s in each])
+    weights = np.stack([s.weight for s in each])
+    ratio = np.divide(totals, weights, out=np.full_like(totals, np.inf), where=weights > 0.0)
+    best = np.argmin(ratio, axis=0)[None]
+    return Scores(np.take_along_axis(totals, best, 0)[0], np.take_along_axis(weights, best, 0)[0])

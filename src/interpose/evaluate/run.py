@@ -129,7 +129,7 @@ def case_rows(
 
 def scores(case: Case, method: Method) -> dict[str, Scores]:
     """All metrics of one method, by name."""
-    windows, start, target = case.windows, case.start, case.target
+    windows, target = case.windows, case.target
     first = lafan1.PAST - method.context_frames
     made_root, made_local = method.generate(
         windows.root[:, first : lafan1.PAST],
@@ -138,6 +138,14 @@ def scores(case: Case, method: Method) -> dict[str, Scores]:
         windows.local[:, target],
         case.frames,
     )
+    return judged(case, made_root, made_local)
+
+
+def judged(
+    case: Case, made_root: Float[ndarray, "window frame 3"], made_local: Float[ndarray, "window frame joint 4"]
+) -> dict[str, Scores]:
+    """All metrics of the frames between the keys of each window, by name."""
+    windows, start, target = case.windows, case.start, case.target
     made_rotations, made_positions = lafan1.forward_kinematics(windows.skeleton, made_root, made_local)
     inner = slice(start + 1, target)
     true_rotations, true_positions = windows.rotations[:, inner], windows.positions[:, inner]

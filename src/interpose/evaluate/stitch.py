@@ -185,28 +185,14 @@ def _several(
     out[f"{method.name} raw"] = {
         k: v for k, v in scores(case, *raw).items() if k in ("foot_slide", "jerk_ratio", "L2P")
     }
-    sample = {name: _pooled([each[name] for each in drawn]) for name in mean}
+    sample = {name: metrics.pooled([each[name] for each in drawn]) for name in mean}
     positions = np.stack([p for _, p in kinematics[1:]])
     out[f"{method.name} sample"] = sample | {"APD": metrics.apd(positions)}
-    out[f"{method.name} best of {samples}"] = {name: _best([each[name] for each in drawn]) for name in BEST}
+    out[f"{method.name} best of {samples}"] = {name: metrics.best([each[name] for each in drawn]) for name in BEST}
     slides = [each["foot_slide"] for each in drawn]
     worst = max(slides, key=lambda s: s.value)
     out[f"{method.name} worst of {samples}"] = {"foot_slide": worst}
     return [_along(case, p)[0][None] for _, p in kinematics[1:4]], out
-
-
-def _pooled(each: Sequence[Scores]) -> Scores:
-    """The mean over samples, window by window."""
-    return Scores(np.mean([s.total for s in each], axis=0), np.mean([s.weight for s in each], axis=0))
-
-
-def _best(each: Sequence[Scores]) -> Scores:
-    """Each window's smallest."""
-    totals = np.stack([s.total for s in each])
-    weights = np.stack([s.weight for s in each])
-    ratio = np.divide(totals, weights, out=np.full_like(totals, np.inf), where=weights > 0.0)
-    best = np.argmin(ratio, axis=0)[None]
-    return Scores(np.take_along_axis(totals, best, 0)[0], np.take_along_axis(weights, best, 0)[0])
 
 
 def _along(case: Case, positions: Float[ndarray, "window frame joint 3"]) -> Float[ndarray, "1 frame"]:

@@ -27,9 +27,10 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
-from interpose.runtime import blends, methods
+from interpose.runtime import blends, methods, rollout
 from interpose.runtime.poses import Path
 from interpose.runtime.session import Session
+from interpose.stitching import LONGEST_PLAN
 
 CLEARLY = 0.7
 """How many times as far from the network's own way a trajectory of another style may be, to be taken."""
@@ -184,21 +185,18 @@ def _out_and_in(path: Path, own: Path) -> Path:
 
 
 def _own_way(session: Session, gap: Gap, steps: int, wish: Wish) -> Path:
-    """Where the network leads the root by itself."""
+    """Where the network leads the root by itself: where its planner does, if it has one for gaps of that length."""
     start, goal = gap.context, gap.target
-    made, _, _ = methods.generate_batch(
-        session,
-        start.root_positions[None],
-        start.local_rotations[None],
-        goal.root_positions[:1],
-        goal.local_rotations[:1],
-        steps - 1,
-        style=[wish.style],
-        strength=wish.strength,
-    )
+    context = start.root_positions[None], start.local_rotations[None]
+    target = goal.root_positions[:1], goal.local_rotations[:1]
+    if session.plans and steps <= LONGEST_PLAN:
+        root = rollout.foreseen(session, context, target, steps - 1, wish.style, wish.strength)
+    else:
+        made = methods.generate_batch(session, *context, *target, steps - 1, style=[wish.style], strength=wish.strength)
+        root = made[0][0]
     ends = np.array([gap.query.start, gap.query.target])
     turned = np.interp(np.arange(1, steps), [0, steps], ends[:, 2])
-    inner = np.concatenate([made[0][:, [0, 2]], turned[:, None]], axis=-1)
+    inner = np.concatenate([root[:, [0, 2]], turned[:, None]], axis=-1)
     return np.concatenate([ends[:1], inner, ends[1:]])
 
 

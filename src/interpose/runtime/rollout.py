@@ -171,6 +171,20 @@ def led(
     return planning.laid(base, paths, control)
 
 
+def foreseen(
+    session: Session,
+    context: tuple[Float[ndarray, "1 context 3"], Float[ndarray, "1 context 22 4"]],
+    target: tuple[Float[ndarray, "1 3"], Float[ndarray, "1 22 4"]],
+    frames: int,
+    style: str | None,
+    strength: float,
+) -> Float[ndarray, "{frames} 3"]:
+    """Where the hips of a gap's likeliest plan go between its keys; no step is made."""
+    start = context[0][:, -1], context[1][:, -1]
+    weights, drawn = session.style_weights([style], strength), np.zeros((1, session.plan_latent))
+    return led(session, pose_of(*context), start, target, [frames], weights, drawn, [None])[0, 1:-1, :3]
+
+
 def guidance(paths: list[Path | None], frames: int) -> Float[ndarray, "batch {frames} 6 6"]:
     """What the input `path` shows of each row's path at each step: root, facing and velocity at the six keys ahead.
 

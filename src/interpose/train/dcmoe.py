@@ -3,16 +3,16 @@
 What trains well (docs/method.md, D1 to D10, D26) is the default: a planner of whole gaps first, then the residual on
 what it foresees, one-step training with noise on the input, then truncated back-propagation through the model's own
 roll-outs, longer by stages. What each of these is worth is in docs/dcmoe-ablations.md. Preset ``paper`` is the recipe
-of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4,
-batches of 32, losses of equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
+of Chu and Yang 2024, section 5.1, as printed: absolute next pose, one step, AdamW 1e-4, batches of 32, losses of
+equations 3 to 6 weighted 1 and 2.5. The run folder is that of `interpose.train.loop`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -23,16 +23,15 @@ from interpose.data import database
 from interpose.data.database import Database
 from interpose.errors import InputError
 from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
-from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Size, State
-from interpose.models.gap_plan import GapPlan, PlanSize
+from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, State
+from interpose.models.gap_plan import GapPlan
 from interpose.train import checkpoint, loop, losses, planning, validation
+from interpose.train.dcmoe_config import PRESETS, Config, Stage, size_of
 from interpose.train.frames import Frames, backwards, divided, origin
-from interpose.train.planning import Planning
 from interpose.train.sequences import (
     PLAIN,
     Keys,
     Rows,
-    Sampling,
     base_window,
     control,
     draw,
@@ -40,102 +39,6 @@ from interpose.train.sequences import (
     replace_rows,
     truth,
 )
-
-
-@dataclass(frozen=True)
-class Stage:
-    """A part of the training: ``steps`` updates of ``rows`` roll-outs, each ``unroll`` frames long."""
-
-    steps: int
-    unroll: int
-    rows: int
-
-
-@dataclass(frozen=True)
-class Config:
-    """Everything that decides a training, saved beside its weights."""
-
-    preset: str = "full"
-    experts: int = 16
-    hidden: int = 512
-    gate: tuple[int, int] = (512, 128)
-    absolute: bool = False
-    planner: PlanSize | None = field(default_factory=lambda: PlanSize(hidden=1024))
-    planning: Planning = field(default_factory=lambda: Planning(40_000, 2048))
-    stages: tuple[Stage, ...] = (Stage(30_000, 1, 1024), Stage(30_000, 8, 256), Stage(30_000, 16, 256))
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-4
-    warmup: int = 500
-    average: float = 0.999
-    clip: float = 1.0
-    fresh: float = 0.6
-    """share of the rows that start anew at each update"""
-    mask_target: float = 0.1
-    """probability that a row's target loses some of its joints (section 5.1)"""
-    mask_joint: float = 0.3
-    """of each joint of such a row"""
-    half: bool = True
-    """bfloat16 products"""
-    sampling: Sampling = field(default_factory=Sampling)
-    weights: losses.Weights = field(default_factory=losses.Weights)
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
-    phases: bool = False
-    backward: bool = False
-    """on motion that runs backwards, for stitching from both ends"""
-    licence: str = ""
-    plan_from: str = ""
-
-
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(
-        preset="small",
-        experts=8,
-        hidden=256,
-        gate=(256, 64),
-        planner=PlanSize(),
-        planning=Planning(6_000, 512),
-        stages=(Stage(2_000, 1, 512), Stage(2_500, 8, 128), Stage(1_600, 12, 128)),
-    ),
-    "tiny": Config(
-        preset="tiny",
-        experts=2,
-        hidden=32,
-        gate=(32, 16),
-        planner=PlanSize(hidden=32, depth=1),
-        planning=Planning(10, 16),
-        stages=(Stage(10, 1, 16), Stage(10, 3, 16)),
-        warmup=2,
-        average=0.5,
-        half=False,
-    ),
-    "paper": Config(
-        preset="paper",
-        absolute=True,
-        planner=None,
-        stages=(Stage(300_000, 1, 32),),
-        learning_rate=1e-4,
-        warmup=0,
-        average=0.0,
-        fresh=1.0,
-        mask_target=1.0,
-        mask_joint=0.1,
-        half=False,
-        sampling=Sampling(
-            lone_start=0.0,
-            context_start=0.0,
-            path=1.0,
-            style_dropout=0.0,
-            phase_known_inside=1.0,
-            rotation_noise=0.0,
-            hips_noise=0.0,
-        ),
-    ),
-}
-"""``full`` has the paper's size, ``small`` is useful on two CPU cores in about an hour, ``tiny`` is for tests,
-``paper`` is the paper's recipe unchanged."""
 
 
 def train(
@@ -213,19 +116,6 @@ def _taken(run_dir: Path) -> dict[str, Tensor]:
         if found:
             return found
     raise InputError(f"{run_dir}: no run of 'interpose train dcmoe' or 'stitch' with a planner is there")
-
-
-def size_of(config: Mapping[str, Any]) -> Size:
-    """The network's size that a saved config tells of."""
-    plan = config.get("planner")
-    return Size(
-        config["experts"],
-        config["hidden"],
-        tuple(config["gate"]),
-        config["absolute"],
-        len(config["styles"]),
-        None if plan is None else PlanSize(**plan),
-    )
 
 
 def run(

@@ -1,0 +1,215 @@
+"""`interpose evaluate dcmoe`: how DC-MoE fills LaFAN1's test windows from one start frame, along each kind of path.
+
+The windows are the protocol's (`interpose.evaluate.lafan1`), up to gaps of 90 frames. Each model fills them along its
+own way, which is its planner's; along the true root's way; along what `--path auto` takes; and as eight variants, of
+which the best counts. Several models are several seeds of one training: their mean is shown, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from numpy import ndarray
+
+from interpose.errors import InputError
+from interpose.evaluate import lafan1, metrics, run, tables
+from interpose.evaluate.methods import INTERP, Batch, Carrier, planted
+from interpose.evaluate.metrics import Scores
+from interpose.evaluate.run import Case
+from interpose.evaluate.tables import Row
+from interpose.gallery.tracks import track_of
+from interpose.motion import Motion, concatenate
+from interpose.render import sheet
+from interpose.retarget import plan
+from interpose.runtime import guidance, methods, poses, session
+from interpose.runtime.guidance import Gap, Wish
+from interpose.runtime.poses import Path as Way
+from interpose.runtime.session import Session
+from interpose.skeleton import HUMANOID
+
+PROTOCOL = "dcmoe"
+LENGTHS = (5, 15, 30, 45, 60, 75, 90)
+VARIANTS = 8
+SHEETS, SHEET_LENGTHS = 20, (15, 30, 45, 60, 90)
+"""Gaps that are drawn beside the truth, and their lengths in turn."""
+BEST = ("L2P", "L2Q", "L2Q_aligned", "ADE", "NPSS")
+HEADING = """# DC-MoE
+
+LaFAN1's test windows of subject 5 from one start frame, a gap of n frames; in brackets the ratio to `interp` on the
+same windows. A model's name alone is its own way; *true path* follows the true root's; *auto* what `--path auto` takes;
+*best of 8* is the best of eight variants in each window and metric. *mean* is the mean of all models given, seeds of
+one training. Feet are planted as in use. With part of the data set's files only ratios compare with other tables.
+Intervals (95 %, bootstrap over windows) are in `results.json`.
+"""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A model under a name for the tables."""
+
+    name: str
+    session: Session
+
+
+def evaluate_dcmoe(
+    data: Path,
+    named: Sequence[str],
+    out: Path,
+    *,
+    lengths: Sequence[int] = LENGTHS,
+    auto: bool = True,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda message: None,
+) -> list[Row]:
+    """Writes ``results.json``, ``.csv``, ``.md``, ``l2p.png`` and ``gaps-1.png`` and so on to ``out``.
+
+    data: the folder of LaFAN1's BVH files. named: ``dcmoe`` for the installed model `lafan1`, ``LABEL=MODEL`` for
+    others; ``interp`` is always there. auto: whether the gallery's paths are tried, which takes longest. Raises
+    InputError for what cannot be served, before anything is written.
+    """
+    if not lengths or min(lengths) < 2:
+        raise InputError(f"gaps have 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
+    subjects = _subjects(named)
+    source = lafan1.read(data)
+    first = source.clips[0]
+    carrier = Carrier(first.skeleton, first.rate, plan(first.skeleton))
+    rows: list[Row] = []
+    for window, group in groupby(sorted(set(lengths)), lafan1.window_length):
+        windows = lafan1.cut(source.clips, window)
+        for frames in group:
+            case = Case(windows, frames, source.scale)
+            rows += _case_rows(case, carrier, subjects, auto, seed, progress)
+    tables.write(rows, out, HEADING)
+    draw_gaps(source, carrier, subjects[0].session, out, seed)
+    return rows
+
+
+def _subjects(named: Sequence[str]) -> list[Subject]:
+    out = []
+    for text in named:
+        label, equals, name = text.strip().partition("=")
+        if label == "interp" and not equals:
+            continue
+        if (
+            not label
+            or (equals and not name)
+            or (not equals and label != "dcmoe")
+            or label in ("interp", "truth", "mean")
+        ):
+            raise InputError(f"--methods {text}: give interp, dcmoe or LABEL=MODEL")
+        chosen = session.load(name if equals else run.MODEL_METHODS["dcmoe"])
+        if chosen.method != "dcmoe":
+            raise InputError(f"--methods {text}: '{chosen.name}' is for method {chosen.method}; see 'evaluate stitch'")
+        out.append(Subject(label, chosen))
+    if not out or len({one.name for one in out}) < len(out):
+        raise InputError(f"--methods names each model once, got {', '.join(named) or 'none'}")
+    return out
+
+
+def _case_rows(
+    case: Case,
+    carrier: Carrier,
+    subjects: Sequence[Subject],
+    auto: bool,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Iterator[Row]:
+    base = run.scores(case, INTERP)
+    yield from tables.scored(run.truth_scores(case), {}, run.TRUTH, PROTOCOL, case.frames, 1, seed)
+    yield from tables.scored(base, base, "interp", PROTOCOL, case.frames, 1, seed)
+    together: dict[str, list[dict[str, Scores]]] = {}
+    for subject in subjects:
+        progress(f"{subject.name}: {len(case.windows)} gaps of {case.frames} frames")
+        for kind, found in _kinds(case, carrier, subject.session, auto, seed).items():
+            together.setdefault(kind, []).append(found)
+            yield from tables.scored(found, base, subject.name + kind, PROTOCOL, case.frames, 1, seed)
+    if len(subjects) > 1:
+        for kind, several in together.items():
+            pooled = {name: metrics.pooled([each[name] for each in several]) for name in several[0]}
+            yield from tables.scored(pooled, base, "mean" + kind, PROTOCOL, case.frames, 1, seed)
+
+
+def _kinds(case: Case, carrier: Carrier, model: Session, auto: bool, seed: int) -> dict[str, dict[str, Scores]]:
+    """The scores of each kind of path, by what is added to a model's name."""
+    true = _true_ways(case, carrier)
+    out = {
+        "": run.judged(case, *_filled(case, carrier, model, None)),
+        " true path": run.judged(case, *_filled(case, carrier, model, true)),
+    }
+    if auto:
+        out[" auto"] = run.judged(case, *_filled(case, carrier, model, _auto_ways(case, carrier, model, seed)))
+    several = [run.judged(case, *_filled(case, carrier, model, None, 1 + seed + i)) for i in range(VARIANTS)]
+    out[f" best of {VARIANTS}"] = {name: metrics.best([each[name] for each in several]) for name in BEST}
+    return out
+
+
+def _keys(case: Case, carrier: Carrier) -> tuple[Batch, Batch]:
+    """Start and target on the 22 joints, one frame each."""
+    w = case.windows
+    return tuple(carrier.onto(w.root[:, i : i + 1], w.local[:, i : i + 1]) for i in (case.start, case.target))  # type: ignore[return-value]
+
+
+def _filled(
+    case: Case, carrier: Carrier, model: Session, ways: Sequence[Way | None] | None, vary: int | None = None
+) -> Batch:
+    """The frames between the keys on the data's skeleton, feet planted; ``vary``: the seed of a variant."""
+    start, end = _keys(case, carrier)
+    made = methods.generate_batch(
+        model,
+        *start,
+        end[0][:, 0],
+        end[1][:, 0],
+        case.frames,
+        seed=vary or 0,
+        vary=vary is not None,
+        paths=ways,
+    )
+    root, local = carrier.back(made[0], planted(start, end, *made))
+    return root, poses.continued(case.windows.local[:, case.start], local)
+
+
+def _true_ways(case: Case, carrier: Carrier) -> list[Way]:
+    """The true root's way in each window, keys included."""
+    inner = slice(case.start, case.target + 1)
+    root, local = carrier.onto(case.windows.root[:, inner], case.windows.local[:, inner])
+    return [track_of(Motion(HUMANOID, r, q, case.windows.rate)) for r, q in zip(root, local, strict=True)]
+
+
+def _auto_ways(case: Case, carrier: Carrier, model: Session, seed: int) -> list[Way | None]:
+    """What `--path auto` takes in each window."""
+    start, end = _keys(case, carrier)
+    pairs = zip(*start, *end, strict=True)
+    gaps = [
+        Gap(Motion(HUMANOID, a, b, case.windows.rate), Motion(HUMANOID, c, d, case.windows.rate))
+        for a, b, c, d in pairs
+    ]
+    wish = Wish(case.frames + 1, seed=seed)
+    return [guidance.plans(model, model.gallery, gap, wish, 1)[0].path for gap in gaps]
+
+
+def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, seed: int = 0) -> list[Path]:
+    """Contact sheets of :data:`SHEETS` test gaps, spread over the files, each below the truth: five gaps a sheet."""
+    rows: list[sheet.Row] = []
+    for number in range(SHEETS):
+        frames = SHEET_LENGTHS[number % len(SHEET_LENGTHS)]
+        windows = lafan1.cut(source.clips, lafan1.window_length(frames))
+        at = (number * len(windows)) // SHEETS
+        one = lafan1.Windows(*(_row(getattr(windows, name), at) for name in lafan1.Windows.__dataclass_fields__))
+        case = Case(one, frames, source.scale)
+        root, local = _filled(case, carrier, model, None)
+        true = Motion(one.skeleton, one.root[0], one.local[0], one.rate)[case.start : case.target + 1]
+        made = concatenate(true[0], Motion(one.skeleton, root[0], local[0], one.rate), true[-1])
+        rows.append(sheet.Row(true, f"gap {number + 1}: {frames} frames", ("the truth",)))
+        rows.append(sheet.Row(made, f"gap {number + 1}", (f"made by {model.name}",)))
+    written = []
+    for page in range(0, len(rows), 10):
+        written.append(out / f"gaps-{page // 10 + 1}.png")
+        sheet.contact_sheet(written[-1], rows[page : page + 10])
+    return written
+
+
+def _row(value: object, at: int) -> object:
+    return value[at : at + 1] if isinstance(value, ndarray) else value
