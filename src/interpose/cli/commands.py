@@ -352,8 +352,8 @@ def evaluate(
         protocol: lafan1: the official protocol of LaFAN1. dcmoe: its windows from one frame, along each kind of path,
             with pictures of gaps. stitch: from exactly two frames, with samples. gallery: what the paths and durations
             of a gallery are worth. style: whether a classifier sees the style asked for.
-        data: lafan1, dcmoe, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not seen;
-            style: the database that the model was trained on, or another of the same styles.
+        data: lafan1, dcmoe, stitch: the folder of LaFAN1's BVH files; gallery: a database that the gallery has not
+            seen; style: the database that the model was trained on, or another of the same styles.
         out: The folder for tables and figures.
         methods: interp, zero-velocity, dcmoe or stitch (with --model) and LABEL=MODEL, separated by commas.
         model: For dcmoe: an installed model or a folder; the installed model lafan1 where left out.

@@ -33,9 +33,9 @@ from interpose.runtime.session import Session
 LENGTHS = (60, 90)
 WINDOW = 30
 """Frames that the judge sees: one second, the middle of a gap."""
-GAPS, FEWEST = 96, 4
+GAPS, FEWEST = 120, 4
 """Gaps of one length in all, evenly over the styles and their clips, and of one style at least."""
-OTHERS = 2
+OTHERS = 3
 """Styles that are asked for between keys of another one: so many of them a gap, by turns."""
 JUDGE_OFFSET, KEY_OFFSET = 3, 10
 """Frames from one window to the next: of the judge's training, and of gaps to choose from."""
