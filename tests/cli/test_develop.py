@@ -159,6 +159,8 @@ def test_evaluating_what_is_not_there(tmp_path, run):
         (("train", "dcmoe", "--data", "db", "-o", "run"), "torch"),
         (("train", "stitch", "--data", "db", "-o", "run"), "torch"),
         (("export", "run", "-o", "model"), "torch"),
+        (("labels", "db"), "torch"),
+        (("evaluate", "style", "--data", "db", "-o", "out"), "torch"),
     ],
 )
 def test_without_the_extra_for_training(arguments, missing):
@@ -180,6 +182,14 @@ sys.exit(main({list(arguments)}))
     assert done.stderr.count("\n") == 1
     assert "is not installed; pip install 'interpose[train]' brings it" in done.stderr
     assert missing in done.stderr
+
+
+def test_judging_labels_and_styles_is_reached(tmp_path, run):
+    pytest.importorskip("torch")
+    fails(run("labels", tmp_path / "none"), "none")
+    asked = "evaluate", "style", "--data", tmp_path / "none", "-o", tmp_path / "out"
+    fails(run(*asked), "none")
+    fails(run(*asked, "--strength", "much"), "--strength takes numbers separated by commas, got 'much'")
 
 
 def test_training_is_reached(tmp_path, run, clips):
