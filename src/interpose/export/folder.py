@@ -61,6 +61,7 @@ def write(out: Path, saved: Mapping[str, Any], told: Told, model: nn.Module, fil
         "parameters": sum(p.numel() for p in model.parameters()),
         "training_data": [" ".join(word[:12] for word in name.split()) for name in config["databases"]],
         "licence": licence(config["licence"]),
+        "training": {k: v for k, v in config.items() if k not in ("styles", "databases", "licence", "preset")},
         "metrics": told.metrics,
     }
     return _placed(out, info, fill)
