@@ -219,4 +219,7 @@ def test_training_is_reached(tmp_path, run, clips):
     fails(run("train", "detail", *none), "give a finished run of 'interpose train stitch' to refine")
     fails(run("train", "stitch", *none, "--refines", "r"), "--refines is for detail")
     fails(run("train", "pae", *none, "--backward"), "--backward is for dcmoe")
+    fails(run("train", "pae", *none, "--plan-from", "r"), "--plan-from is for dcmoe and stitch; pae has no use for it")
+    fails(run("train", "stitch", *none, "--plan-steps", "3"), "--plan-steps is for dcmoe")
+    fails(run("train", "stitch", *none, "--compile"), "--compile is for dcmoe")
     fails(run("export", tmp_path / "none", "-o", tmp_path / "model"), "none")

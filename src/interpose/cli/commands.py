@@ -276,8 +276,10 @@ def train(
     foreign_keys: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint=_SAID)] = None,
     without: Annotated[str | None, arg(metavar="PART", help_behavior_hint=_SAID)] = None,
     plan_from: Annotated[str | None, arg(metavar="RUN", help_behavior_hint=_SAID)] = None,
+    plan_steps: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
     refines: Annotated[str | None, arg(metavar="RUN", help_behavior_hint=_SAID)] = None,
     backward: Annotated[bool, arg(help_behavior_hint=_SAID)] = False,
+    compiled: Annotated[bool, arg(name="compile", help_behavior_hint=_SAID)] = False,
     minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint=_SAID)] = None,
     device: Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint=_SAID)] = None,
     seed: Annotated[int, arg(metavar="S")] = 0,
@@ -294,9 +296,12 @@ def train(
         foreign_keys: For dcmoe: share of rows, 0 to 1, with another's upper body at the keys, to make the style matter.
             The default model was trained with 0.4; none where left out.
         without: For stitch: what to leave out, as docs/stitch.md names the rows of table 6: "w/o BS", "w/o SL", ...
-        plan_from: For stitch: a finished run whose phases and plan are taken as they are.
+        plan_from: For dcmoe: another run, of dcmoe or stitch, whose planner is taken. For stitch: a finished run whose
+            phases and plan are taken as they are.
+        plan_steps: For dcmoe: updates of the planner; the preset's where left out, none where it is taken.
         refines: For detail: the run of stitch whose transitions it learns to refine.
         backward: For dcmoe: on motion that runs backwards, for stitching from both ends.
+        compiled: For dcmoe: by torch.compile, which takes minutes to begin; slower on the CPU that it was tried on.
         minutes: Stop after so many minutes; the same command goes on from there.
         device: Where to compute; a GPU where there is one.
         seed: Of weights and draws.
@@ -305,7 +310,7 @@ def train(
 
     if not data:
         return _nothing("train", "DB after --data")
-    extra = develop.Extra(phases, foreign_keys, without, plan_from, refines, backward)
+    extra = develop.Extra(phases, foreign_keys, without, plan_from, refines, backward, plan_steps, compiled)
     return develop.train(network, data, out, preset, minutes, device, seed, extra)
 
 

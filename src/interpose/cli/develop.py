@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,24 +48,34 @@ class Extra:
     plan_from: str | None = None
     refines: str | None = None
     backward: bool = False
+    plan_steps: int | None = None
+    compiled: bool = False
 
     def of(self, network: str) -> dict[str, Any]:
         """The recipe's own. Raises InputError where another's was given."""
-        for option, value, owner in (
-            ("--phases", self.phases, "dcmoe"),
-            ("--foreign-keys", self.foreign_keys, "dcmoe"),
-            ("--without", self.without, "stitch"),
-            ("--plan-from", self.plan_from, "stitch"),
-            ("--refines", self.refines, "detail"),
-            ("--backward", self.backward, "dcmoe"),
+        for option, value, owners in (
+            ("--phases", self.phases, ("dcmoe",)),
+            ("--foreign-keys", self.foreign_keys, ("dcmoe",)),
+            ("--without", self.without, ("stitch",)),
+            ("--plan-from", self.plan_from, ("dcmoe", "stitch")),
+            ("--plan-steps", self.plan_steps, ("dcmoe",)),
+            ("--refines", self.refines, ("detail",)),
+            ("--backward", self.backward, ("dcmoe",)),
+            ("--compile", self.compiled, ("dcmoe",)),
         ):
-            if network != owner and value not in (None, False, (), []):
-                raise InputError(f"{option} is for {owner}; {network} has no use for it")
+            if network not in owners and value not in (None, False, (), []):
+                raise InputError(f"{option} is for {' and '.join(owners)}; {network} has no use for it")
+        plan = None if self.plan_from is None else Path(self.plan_from)
         if network == "dcmoe":
-            phases = [Path(p) for p in self.phases] or None
-            return {"phases": phases, "foreign_keys": self.foreign_keys, "backward": self.backward}
+            return {
+                "phases": [Path(p) for p in self.phases] or None,
+                "foreign_keys": self.foreign_keys,
+                "backward": self.backward,
+                "plan_from": plan,
+                "plan_steps": self.plan_steps,
+                "compiled": self.compiled,
+            }
         if network == "stitch":
-            plan = None if self.plan_from is None else Path(self.plan_from)
             return {"without": self.without, "plan_from": plan}
         if network == "detail":
             return {"refines": None if self.refines is None else Path(self.refines)}
@@ -86,8 +97,11 @@ def train(
         device = "cuda" if _of_extra("torch").cuda.is_available() else "cpu"
     settings = {"max_minutes": minutes, "device": device, "seed": seed}
     settings |= extra.of(network)
+    if network != "dcmoe" and _of_extra("interpose.train.parallel").started() > 1:
+        raise InputError(f"{network} trains on one process; torchrun is for dcmoe")
     outcome = recipe.train([Path(d) for d in data], Path(out), preset, **settings)
-    print(f"{out}: {outcome}", file=sys.stderr)
+    if os.environ.get("RANK", "0") == "0":
+        print(f"{out}: {outcome}", file=sys.stderr)
     return 130 if outcome == "interrupted" else 0
 
 

@@ -17,7 +17,7 @@ from typing import cast
 import numpy as np
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from interpose.data import database
 from interpose.data.database import Database
@@ -28,6 +28,7 @@ from interpose.models.gap_plan import GapPlan
 from interpose.train import checkpoint, loop, losses, planning, validation
 from interpose.train.dcmoe_config import PRESETS, Config, Stage, size_of
 from interpose.train.frames import Frames, backwards, divided, origin
+from interpose.train.parallel import ALONE, Group, processes
 from interpose.train.sequences import (
     PLAIN,
     Keys,
@@ -55,18 +56,19 @@ def train(
     backward: bool = False,
     plan_from: Path | None = None,
     plan_steps: int | None = None,
+    compiled: bool = False,
     config: Config | None = None,
 ) -> loop.Outcome:
-    """Trains, or goes on where ``run_dir`` stopped.
+    """Trains, or goes on where ``run_dir`` stopped; on all processes that ``torchrun`` started.
 
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. foreign_keys: share of the rows whose keys get somebody else's
     upper body, which makes the style label matter (`interpose.train.sequences.poses`). backward: on motion that runs
     backwards, for stitching from both ends (`interpose.runtime.dual`). plan_from: another run, of dcmoe or stitch,
     whose planner is taken. plan_steps: updates of the planner, by default the preset's, or none where it is taken.
-    config: in place of the preset's. Raises InputError for an unknown preset, databases that do not load or are too
-    short, phases that do not fit, a share that is none, a run without the planner that is asked for, and a run folder
-    of another config.
+    compiled: by ``torch.compile``. config: in place of the preset's. Raises InputError for an unknown preset, databases
+    that do not load or are too short, phases that do not fit, a share that is none, a run without the planner that is
+    asked for, batches that the processes cannot share, and a run folder of another config.
     """
     if preset not in PRESETS:
         raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
@@ -77,6 +79,10 @@ def train(
     loaded = [database.load(path) for path in data]
     chosen = config or PRESETS[preset]
     styles = tuple(sorted({s for d in loaded for s in d.styles}))
+    if chosen.planner is None and (plan_from is not None or plan_steps is not None):
+        raise InputError(f"preset {chosen.preset!r} has no planner; leave out what is asked of one")
+    if plan_steps is not None and plan_steps < 0:
+        raise InputError(f"the planner's updates must be 0 or more, got {plan_steps}")
     taken = None
     if plan_from is not None:
         taken = _taken(plan_from)
@@ -104,7 +110,8 @@ def train(
     training, held_out = divided(loaded, list(config.styles), arrays)
     if backward:
         training, held_out = backwards(training), backwards(held_out)
-    return run(config, training.to(device), held_out.to(device), run_dir, max_minutes, taken)
+    with processes(device) as group:
+        return run(config, training.to(device), held_out.to(device), run_dir, max_minutes, taken, group, compiled)
 
 
 def _taken(run_dir: Path) -> dict[str, Tensor]:
@@ -125,6 +132,8 @@ def run(
     run_dir: Path,
     max_minutes: float | None,
     taken: Mapping[str, Tensor] | None = None,
+    group: Group = ALONE,
+    compiled: bool = False,
 ) -> loop.Outcome:
     """The training itself, on frames that are already on their device. taken: a planner's weights to start from."""
     device = data.hips.device
@@ -144,6 +153,14 @@ def run(
     average = loop.moving_average(model, config.average)
     state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
     walking = sum(stage.steps for stage in config.stages)
+    planned = Stage(foreseeing, 0, config.planning.rows)
+    for stage in (planned, *config.stages):
+        group.share(stage.rows if stage.steps else 0)
+    if compiled:
+        model.compile()
+    objective: nn.Module = Objective(model, data, config, group)
+    if group.size > 1:
+        objective = nn.parallel.DistributedDataParallel(objective, find_unused_parameters=True)
 
     def update(step: int) -> Mapping[str, Tensor | float]:
         first = step < foreseeing
@@ -152,15 +169,24 @@ def run(
             at, of, rate = step - foreseeing, walking, config.learning_rate
         factor = loop.cosine(at, of, config.warmup, floor=0.01) if config.warmup else 1.0
         loop.set_learning_rate(optimizer, rate * factor)
+        if not group.first:  # what dropout hides is each process's own, after a resume as before
+            torch.manual_seed(hash((config.seed, step, group.rank)))
         # The outer context, itself off, keeps the weights' half-precision copies from one frame to the next.
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
             if first:
-                assert model.planner is not None
-                total, each = planning.loss(model.planner, data, config.sampling, config.planning, generator)
+                rows = draw(data, planned.rows, len(config.styles), config.sampling, generator)
+                drawn = _noise(config, generator)
+                mine = group.share(planned.rows)
+                total, each = objective(rows.part(mine), drawn[mine], 0)
             else:
                 stage = _stage(config, at)
                 rows = _rows(state.extra, cast(DCMoE, average.module).planner, data, stage, config, generator)
-                total, each = unroll(model, data, rows, stage.unroll, config, generator)
+                drawn = target_mask(stage.rows, config, generator)
+                mine = group.share(stage.rows)
+                part = rows.part(mine)
+                total, each = objective(part, drawn[mine], stage.unroll)
+                rows.state = State(*(group.gathered(x) for x in part.state))
+                rows.gone = group.gathered(part.gone)
                 _keep(state.extra, rows)
         optimizer.zero_grad(set_to_none=True)
         total.backward()
@@ -172,18 +198,43 @@ def run(
             scalars |= validation.ratios(cast(DCMoE, average.module), held_out, config.sampling, plan_alone=first)
         return scalars
 
-    steps = foreseeing + walking
-    seen = foreseeing * config.planning.rows + sum(s.steps * s.unroll * s.rows for s in config.stages)
+    def samples(step: int) -> int:
+        stage = planned if step < foreseeing else _stage(config, step - foreseeing)
+        return stage.rows * max(stage.unroll, 1)
+
     return loop.run(
         run_dir,
         config,
         state,
-        steps,
+        foreseeing + walking,
         update,
-        samples_per_step=round(seen / steps),
+        samples_per_step=samples,
         checkpoint_every=500,
         max_minutes=max_minutes,
+        group=group,
     )
+
+
+class Objective(nn.Module):
+    """An update's loss in one call, so that gradients can be averaged over processes: the planner's or a roll-out's."""
+
+    def __init__(self, model: DCMoE, data: Frames, config: Config, group: Group) -> None:
+        super().__init__()
+        self.model, self.data, self.config, self.group = model, data, config, group
+
+    def forward(
+        self, rows: Rows, drawn: Float[Tensor, "row wide"], length: int
+    ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
+        """:func:`unroll` by ``length`` frames, ``drawn`` hiding targets; by none the planner's loss, of such noise."""
+        if length:
+            return unroll(self.model, self.data, rows, length, self.config, drawn, self.group)
+        assert self.model.planner is not None
+        return planning.loss(self.model.planner, self.data, rows, drawn, self.config.planning)
+
+
+def _noise(config: Config, generator: torch.Generator) -> Float[Tensor, "row unit"]:
+    assert config.planner is not None
+    return torch.randn(config.planning.rows, config.planner.latent, generator=generator, device=generator.device)
 
 
 def _take(planner: GapPlan, weights: Mapping[str, Tensor]) -> None:
@@ -195,11 +246,16 @@ def _take(planner: GapPlan, weights: Mapping[str, Tensor]) -> None:
 
 
 def unroll(
-    model: DCMoE, data: Frames, rows: Rows, length: int, config: Config, generator: torch.Generator
+    model: DCMoE,
+    data: Frames,
+    rows: Rows,
+    length: int,
+    config: Config,
+    mask: Float[Tensor, "row wide"],
+    group: Group = ALONE,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """Rolls ``rows`` on by ``length`` frames from their own states and returns the mean loss; ``rows`` is moved on, cut
-    off from the graph."""
-    mask = target_mask(len(rows.start), config, generator)
+    off from the graph. mask: as :func:`target_mask` gives it."""
     sums: dict[str, Tensor] = {}
     total = torch.zeros((), device=data.hips.device)
     base = base_window(data, rows, length, config.planner is not None)
@@ -215,9 +271,9 @@ def unroll(
         real = truth(data, rows, turned[:, i + 1], placed[:, i + 1], placed[:, i], said.frame, said.origin)
         here = (here - said.origin[:, None]) @ said.frame
         if config.absolute:
-            loss, each = losses.paper(said, real, here)
+            loss, each = losses.paper(said, real, here, group=group)
         else:
-            loss, each = losses.unrolled(said, real, here, config.weights)
+            loss, each = losses.unrolled(said, real, here, config.weights, group)
         total = total + loss / length
         for name, value in each.items():
             sums[name] = sums.get(name, 0.0) + value.detach() / length
@@ -225,7 +281,7 @@ def unroll(
         way.append(after.positions)
         rows.gone = torch.minimum(rows.gone + 1, rows.total)
     if not config.absolute:
-        loss, each = losses.windows(torch.stack(way, dim=1), placed[:, :-1], whole, config.weights)
+        loss, each = losses.windows(torch.stack(way, dim=1), placed[:, :-1], whole, config.weights, group)
         total = total + loss
         sums |= {name: value.detach() for name, value in each.items()}
     rows.state = State(*(x.detach() for x in rows.state))

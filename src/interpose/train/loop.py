@@ -4,7 +4,8 @@ A run folder holds ``config.json``, ``checkpoint-<steps done>.pt`` (the last two
 line) and TensorBoard event files. A run that was stopped or killed goes on from its last checkpoint and gives the same
 losses as one that never stopped, as long as everything random in a step comes from a generator that the
 :class:`~interpose.train.checkpoint.State` names or from the global ones, and everything else that a step remembers lies
-in ``State.extra``.
+in ``State.extra``. On several processes (`interpose.train.parallel`) the first one alone writes; what it logs are means
+over all of them.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from interpose.errors import InputError
 from interpose.train.checkpoint import State, resume, save, write_atomically
+from interpose.train.parallel import ALONE, Group
 
 Outcome = Literal["finished", "out of time", "interrupted"]
 
@@ -59,44 +61,71 @@ def run(
     steps: int,
     step_fn: Callable[[int], Mapping[str, Tensor | float]],
     *,
-    samples_per_step: int = 1,
+    samples_per_step: int | Callable[[int], int] = 1,
     log_every: int = 50,
     checkpoint_every: int = 1000,
     max_minutes: float | None = None,
+    group: Group = ALONE,
 ) -> Outcome:
     """Calls ``step_fn(step)`` for the steps that are not yet done, up to ``steps``; see the module for what it keeps.
 
     ``config`` is a dataclass of plain values. ``step_fn`` takes one optimization step and returns its scalars; a
-    ``loss`` among them is shown. Means over ``log_every`` steps are logged. After ``max_minutes``, or on SIGINT or
-    SIGTERM, a checkpoint is written and the loop returns. Raises InputError where the folder's config differs, or where
-    a scalar is no longer finite (nothing is saved then).
+    ``loss`` among them is shown. Means over ``log_every`` steps are logged. samples_per_step: of all processes
+    together, a number or by the step. After ``max_minutes``, or on SIGINT or SIGTERM, a checkpoint is written and the
+    loop returns, on all processes after the same step. Raises InputError where the folder's config differs, or where a
+    scalar is no longer finite (nothing is saved then).
     """
+    if not group.first:
+        group.wait()
     done = first = resume(run_dir, state, config)
-    began, pending, outcome = time.monotonic(), {}, "finished"
-    with _Curves(run_dir, done) as curves, _stop_signal() as stop, _progress(done, steps) as show:
+    if group.first:
+        group.wait()
+    began, seconds, samples, pending, outcome = time.monotonic(), 0.0, 0, {}, "finished"
+    with _curves(run_dir, done, group) as log, _stop_signal() as stop, _progress(done, steps, group) as show:
         while done < steps and outcome == "finished":
             for name, value in step_fn(done).items():
                 pending.setdefault(name, []).append(torch.as_tensor(value).detach())
+            samples += samples_per_step if isinstance(samples_per_step, int) else samples_per_step(done)
             done += 1
             seconds = time.monotonic() - began
-            if stop.is_set() and done < steps:
-                outcome = "interrupted"
-            elif max_minutes is not None and seconds > 60 * max_minutes and done < steps:
-                outcome = "out of time"
+            late = max_minutes is not None and seconds > 60 * max_minutes
+            stopped, late = group.anywhere(stop.is_set(), late)
+            if (stopped or late) and done < steps:
+                outcome = "interrupted" if stopped else "out of time"
             leaving = done == steps or outcome != "finished"
             if leaving or done % log_every == 0 or done % checkpoint_every == 0:
-                means = {name: float(torch.stack(values).float().mean()) for name, values in pending.items()}
+                means = _means(pending, group)
                 bad = [name for name, mean in means.items() if not math.isfinite(mean)]
                 if bad:
                     raise InputError(f"{run_dir}: {bad[0]} is not finite at step {done}; lower the learning rate.")
-                curves.log(done, means)
+                log(done, means)
                 pending.clear()
-                show(done, means.get("loss", math.nan), (done - first) * samples_per_step / max(seconds, 1e-9), leaving)
-            if leaving or done % checkpoint_every == 0:
+                show(done, means.get("loss", math.nan), samples / max(seconds, 1e-9), leaving)
+            if group.first and (leaving or done % checkpoint_every == 0):
                 save(run_dir, state, done, config)
-    if outcome != "finished":
+    group.wait()
+    if group.first and done > first:
+        speed = f"{samples / max(seconds, 1e-9):.0f} samples a second"
+        print(f"{done - first} updates in {seconds:.0f} s: {samples} samples, {speed}", file=sys.stderr)
+    if group.first and outcome != "finished":
         print(f"{outcome} at step {done} of {steps}; run the same command again to go on from there.", file=sys.stderr)
     return outcome
+
+
+def _means(values: Mapping[str, list[Tensor]], group: Group) -> dict[str, float]:
+    """The mean of each over the steps and the processes, all of which have the same names."""
+    means = torch.tensor([float(torch.stack(each).float().mean()) for each in values.values()])
+    return dict(zip(values, (group.total(means) / group.size).tolist(), strict=True))
+
+
+@contextmanager
+def _curves(run_dir: Path, done: int, group: Group) -> Iterator[Callable[[int, Mapping[str, float]], None]]:
+    """What takes a step's scalars: the folder's curves, on the first process."""
+    if not group.first:
+        yield lambda step, scalars: None
+        return
+    with _Curves(run_dir, done) as curves:
+        yield curves.log
 
 
 class _Curves:
@@ -153,8 +182,12 @@ def _stop_signal() -> Iterator[threading.Event]:
 
 
 @contextmanager
-def _progress(done: int, steps: int) -> Iterator[Callable[[int, float, float, bool], None]]:
-    """A bar on standard error, or a line every 30 s if that is no terminal: (step, loss, samples a second, last)."""
+def _progress(done: int, steps: int, group: Group) -> Iterator[Callable[[int, float, float, bool], None]]:
+    """A bar on standard error, or a line every 30 s if that is no terminal: (step, loss, samples a second, last); from
+    the first process alone."""
+    if not group.first:
+        yield lambda step, loss, speed, last: None
+        return
     console = Console(stderr=True)
     columns = (
         TextColumn("step {task.completed:.0f}/{task.total:.0f}"),

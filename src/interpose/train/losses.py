@@ -2,10 +2,12 @@
 
 All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.sequences.Truth` of the same
 step, in the root frame of the step's start, and return scalars: means over the rows that are still inside their gap.
+Where several processes share the rows (``group``), the mean over the processes is that over all rows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -16,6 +18,7 @@ from torch.nn import functional as F
 from interpose.data.contacts import INDICES, SLIDE_HEIGHT
 from interpose.features import RATE
 from interpose.models.dcmoe import Prediction
+from interpose.train.parallel import ALONE, Group
 from interpose.train.sequences import Truth
 
 FEET = list(INDICES)
@@ -24,21 +27,25 @@ SPAN = 6
 """Frames over which jerk is compared."""
 
 
-def _mean(x: Float[Tensor, "row"], alive: Float[Tensor, "row"]) -> Float[Tensor, ""]:
-    return (x * alive).sum() / alive.sum().clamp_min(1.0)
+def _mean(weight: Float[Tensor, "*row"], group: Group) -> Callable[[Float[Tensor, "*row"]], Float[Tensor, ""]]:
+    """What takes the mean so weighted; of several processes' rows a share of it, whose mean over them it is."""
+    count = group.total(weight.sum()).clamp_min(1.0)
+    return lambda x: (x * weight).sum() * group.size / count
 
 
-def _keys(x: Float[Tensor, "row key"], truth: Truth) -> Float[Tensor, ""]:
-    """Mean over the rows and keys that lie inside the gap."""
-    weight = truth.within * truth.alive[:, None]
-    return (x * weight).sum() / weight.sum().clamp_min(1.0)
+def _means(truth: Truth, group: Group) -> tuple[Callable[[Tensor], Tensor], Callable[[Tensor], Tensor]]:
+    """Those over the rows inside their gap, and over their keys inside it."""
+    return _mean(truth.alive, group), _mean(truth.within * truth.alive[:, None], group)
 
 
-def terms(prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"]) -> dict[str, Float[Tensor, ""]]:
+def terms(
+    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], group: Group = ALONE
+) -> dict[str, Float[Tensor, ""]]:
     """Every term of equations 3, 4 and 5 by its name in the paper; ``here`` are the joints at the step's start."""
+    mean, keys = _means(truth, group)
 
     def joints(x: Float[Tensor, "row joint c"]) -> Float[Tensor, ""]:
-        return _mean(x.norm(dim=-1).mean(dim=-1), truth.alive)
+        return mean(x.norm(dim=-1).mean(dim=-1))
 
     contact = prediction.contacts.sigmoid()
     foot_velocity = contact[:, 0, :, None] * prediction.velocities[:, FEET]
@@ -47,11 +54,11 @@ def terms(prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3
         "pos": joints(prediction.raw_positions - truth.positions),
         "rot": joints(prediction.rotations - truth.rotations),
         "vel": joints(prediction.velocities - truth.velocities),
-        "contacts": _keys((contact - truth.contacts).norm(dim=-1), truth),
-        "traj": _keys((prediction.trajectory - truth.trajectory).norm(dim=-1), truth),
-        "phase": _keys((prediction.phases - truth.phases).flatten(2).norm(dim=-1), truth),
+        "contacts": keys((contact - truth.contacts).norm(dim=-1)),
+        "traj": keys((prediction.trajectory - truth.trajectory).norm(dim=-1)),
+        "phase": keys((prediction.phases - truth.phases).flatten(2).norm(dim=-1)),
         "contacts'": joints(foot_velocity),
-        "pos'": _mean(led.square().sum(dim=-1).mean(dim=-1), truth.alive),
+        "pos'": mean(led.square().sum(dim=-1).mean(dim=-1)),
     }
 
 
@@ -61,9 +68,10 @@ def paper(
     here: Float[Tensor, "row joint 3"],
     reconstruct: float = 1.0,
     consist: float = 2.5,
+    group: Group = ALONE,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """Equation 6, with the weights of section 5.1."""
-    each = terms(prediction, truth, here)
+    each = terms(prediction, truth, here, group)
     consistency = {"contacts'", "pos'"}
     total = sum((consist if name in consistency else reconstruct) * value for name, value in each.items())
     return torch.as_tensor(total), each
@@ -87,13 +95,14 @@ class Weights:
 
 
 def unrolled(
-    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], weights: Weights
+    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], weights: Weights, group: Group = ALONE
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """The terms of equations 3 to 5 in the form that trains on roll-outs: L1 on what forward kinematics gives, the
     displacement since ``here``, and the feet held still where they truly stand."""
+    mean, keys = _means(truth, group)
 
     def rows(x: Float[Tensor, "row *rest"]) -> Float[Tensor, ""]:
-        return _mean(x.abs().flatten(1).mean(dim=-1), truth.alive)
+        return mean(x.abs().flatten(1).mean(dim=-1))
 
     moved = prediction.positions - here
     planted = truth.contacts[:, 0, :, None] * moved[:, FEET]
@@ -103,11 +112,11 @@ def unrolled(
         "position": rows(prediction.positions - truth.positions),
         "rotation": rows(prediction.rotations - truth.rotations),
         "displacement": rows(moved - truth.velocities / RATE),
-        "foot": _mean(planted.norm(dim=-1).mean(dim=-1), truth.alive),
-        "contact": _keys(cross_entropy.mean(dim=-1), truth),
+        "foot": mean(planted.norm(dim=-1).mean(dim=-1)),
+        "contact": keys(cross_entropy.mean(dim=-1)),
         "velocity": rows(prediction.velocities - truth.velocities),
-        "trajectory": _keys((prediction.trajectory - truth.trajectory).abs().mean(dim=-1), truth),
-        "phase": _keys((prediction.phases - truth.phases).abs().flatten(2).mean(dim=-1), truth),
+        "trajectory": keys((prediction.trajectory - truth.trajectory).abs().mean(dim=-1)),
+        "phase": keys((prediction.phases - truth.phases).abs().flatten(2).mean(dim=-1)),
         "consistency": rows(said) + rows(here + prediction.velocities / RATE - prediction.positions),
     }
     total = sum(getattr(weights, name) * value for name, value in each.items())
@@ -119,10 +128,12 @@ def windows(
     true: Float[Tensor, "row frame 22 3"],
     whole: Float[Tensor, "row"],
     weights: Weights,
+    group: Group = ALONE,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """What only several frames together show: :func:`skate` and :func:`energy`, of the rows (``whole``, 1 or 0) whose
     gap is not over."""
-    each = {"skate": _mean(skate(made), whole), "energy": _mean(energy(made, true), whole)}
+    mean = _mean(whole, group)
+    each = {"skate": mean(skate(made)), "energy": mean(energy(made, true))}
     return torch.as_tensor(weights.skate * each["skate"] + weights.energy * each["energy"]), each
 
 

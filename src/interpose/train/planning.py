@@ -124,15 +124,14 @@ def weighed(terms: dict[str, Float[Tensor, ""]]) -> Float[Tensor, ""]:
 
 
 def loss(
-    planner: GapPlan, data: Frames, rule: Sampling, config: Planning, generator: torch.Generator
+    planner: GapPlan, data: Frames, rows: Rows, noise: Float[Tensor, "row unit"], config: Planning
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
-    """On fresh gaps: reconstruction from the posterior and from the prior's mean, and their divergence."""
-    rows = draw(data, config.rows, planner.size.styles, rule, generator)
+    """On the rows' gaps: reconstruction from the posterior, of the latents that ``noise`` gives, and from the prior's
+    mean, and their divergence."""
     base, true, told = _naive(data, rows), true_anchors(data, rows), ends(data, rows)
     keys = told.start_positions, told.target_positions
     x, frame = planner(told)
     q, p = planner.recognise(x, frame, _residual(true, base)), planner.expect(x)
-    noise = torch.randn(q.mean.shape, generator=generator, device=x.device)
     each = reconstruction(base + planner.decode(x, frame, q.at(noise)), true, keys)
     nats = divergence(q, p).sum(dim=-1).mean()
     total = weighed(each) + config.divergence * nats

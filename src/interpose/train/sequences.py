@@ -72,6 +72,12 @@ class Rows:
     keys: Keys
     state: State
 
+    def part(self, where: slice) -> Rows:
+        """Some of them, without the others."""
+        keys = Keys(**{f.name: getattr(self.keys, f.name)[where] for f in fields(Keys)})
+        state = State(*(x[where] for x in self.state))
+        return Rows(**{name: getattr(self, name)[where] for name in PLAIN}, keys=keys, state=state)
+
 
 PLAIN = ("start", "gone", "total", "path_known", "style", "start_known", "target_known", "added")
 """The fields of :class:`Rows` that are one tensor each."""
