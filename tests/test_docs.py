@@ -146,6 +146,7 @@ def test_every_command_line_is_understood(page: Path, monkeypatch: pytest.Monkey
         "cli.develop.train",
         "cli.develop.export",
         "cli.develop.evaluate",
+        "cli.develop.evaluate_dcmoe",
         "cli.develop.evaluate_gallery",
         "cli.develop.evaluate_stitch",
         "cli.develop.evaluate_style",
