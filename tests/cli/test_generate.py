@@ -308,3 +308,31 @@ def test_a_rig_without_legs_is_interpolated(tmp_path, run, model):
     assert json.loads(printed)["method"] == "interp"
     assert "no humanoid" in json.loads(printed)["fallback"]
     assert [float(x) for x in rows(out)[1].split()] == [5.0, 10.0, 15.0]
+
+
+def test_a_target_may_be_given_in_part(tmp_path, run, clip, model):
+    out = tmp_path / "out.bvh"
+    asked = ("between", f"{clip}:3", f"{clip}:60", "--frames", 20, "--model", model, "--path", "none", "-o", out)
+    status, said, err = run(*asked, "--target-joints", "hips,left-foot", "--variants", 2, "--json")
+    assert status == 0, err
+    told = [json.loads(line) for line in said.splitlines()]
+    assert [t["target_joints"] for t in told] == ["Hips,LeftFoot,LeftToe"] * 2
+    assert max(t["arrival_position_error_m"] for t in told) < 1e-6
+    assert all("completes no targets" in t["fallback"] for t in told)
+    made, given = interpose.read(tmp_path / "out-1.bvh"), interpose.read(clip)
+    assert len(made) == 22
+    foot = HUMANOID.index("LeftFoot")
+    apart = np.linalg.norm(made[-1].global_positions() - given[60].global_positions(), axis=-1)[0]
+    assert max(apart[0], apart[foot]) < 1e-5
+    assert apart.max() > 0.01
+    fails(run(*asked, "--target-joints", "wings"), "there is no target joint 'wings'")
+
+
+def test_a_style_can_be_exaggerated(tmp_path, run, clip, model):
+    out = tmp_path / "out.bvh"
+    asked = ("between", f"{clip}:3", f"{clip}:60", "--frames", 20, "--path", "none", "-o", out)
+    status, said, err = run(*asked, "--model", model, "--style", "Old", "--style-strength", 2, "--json")
+    assert status == 0, err
+    assert json.loads(said)["style_strength"] == 2.0
+    fails(run(*asked, "--model", model, "--style-strength", 4), "the style's strength must be 0 to 3, got 4")
+    fails(run(*asked, "--method", "interp", "--style-strength", 2), "needs a model with styles")

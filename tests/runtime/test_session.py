@@ -110,6 +110,8 @@ def test_style_weights_are_a_single_one():
     weights = model.style_weights([None, "Angry", "Old"])
     np.testing.assert_array_equal(weights, [[1, 0, 0], [0, 0, 1], [0, 1, 0]])
     assert weights.dtype == np.float32
+    np.testing.assert_array_equal(model.style_weights([None, "Angry"], 0.0), [[1, 0, 0], [1, 0, 0]])
+    np.testing.assert_array_equal(model.style_weights([None, "Angry+Old"], 3.0), [[1, 0, 0], [-2, 1.5, 1.5]])
     with pytest.raises(InputError, match="the model 'few' has no style 'angry'; it has Old, Angry"):
         model.style_weights(["angry"])
     with pytest.raises(InputError, match="it has none"):

@@ -54,6 +54,11 @@ _SLACK = 0.02
 """Metres that an ankle may be under its resting height, as on toes that are bent under a kneeling figure."""
 
 
+_THICK = 0.03
+"""Metres from the floor to the middle of a knee or a hand that lies on it."""
+_SUNK = 0.005
+
+
 @dataclass(frozen=True, eq=False)
 class Ending:
     """A completed target on the user's rig, one frame; and what could not be had of it, or None."""
@@ -127,9 +132,9 @@ def missed(pose: Motion, target: Motion, parts: Parts, mapping: retarget.Mapping
     return far, float(np.degrees(off))
 
 
-def _facing(hips: Float[ndarray, "4"], mapping: retarget.Mapping) -> Float[ndarray, ""]:
+def _facing(hips: Float[ndarray, "4"], mapping: retarget.Mapping) -> float:
     """The yaw of a rig's hips."""
-    return pose_yaw(rotation.multiply(hips, rotation.inverse(mapping.rest_global[0])))
+    return float(pose_yaw(rotation.multiply(hips, rotation.inverse(mapping.rest_global[0]))))
 
 
 Stands = Float[ndarray, "4"]
@@ -176,7 +181,7 @@ def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]
     """The start pose where the given part is, and what stands in it: turned with the hips, where those are given."""
     pose, stands = start, (start.global_positions()[0, INDICES, 1] < REST_HEIGHTS + _SLACK).astype(float)
     if 0 in parts.joints or parts.ground:
-        turn = _yawed(pose_yaw(goal.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0]))
+        turn = _yawed(_apart(pose, goal))
         pose = _turned(pose, turn)
         move = goal.root_positions[0] - pose.root_positions[0]
     else:
@@ -185,7 +190,12 @@ def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]
     return replace(pose, root_positions=pose.root_positions + move * [1.0, 0.0, 1.0]), stands
 
 
-def _yawed(angle: Float[ndarray, ""]) -> Float[ndarray, "4"]:
+def _apart(pose: Motion, goal: Motion) -> float:
+    """How much ``goal`` faces another way than ``pose``, both on the 22 joints."""
+    return float(pose_yaw(goal.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0]))
+
+
+def _yawed(angle: float) -> Float[ndarray, "4"]:
     return rotation.from_rotation_vector(angle * _UP)
 
 
@@ -208,14 +218,20 @@ def _ending(
 ) -> Ending:
     """The pose with the given parts where they are given: on the 22 joints, then on the rig."""
     if parts.ground and 0 not in parts.joints:
-        pose = _turned(pose, _yawed(pose_yaw(goal22.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0])))
+        pose = _turned(pose, _yawed(_apart(pose, goal22)))
     wanted = _wanted(pose, goal22, parts, {joint: joint for joint in range(len(HUMANOID))})
     feet = _standing(pose, stands, parts)
     reached, _ = _solved(_bent(pose, wanted, feet), wanted, feet, EASE)
+    for _ in range(2):
+        sunk = _sunk(reached, parts)
+        if not sunk:
+            break
+        feet = sunk | feet
+        reached, _ = _solved(reached, wanted, feet, EASE)
     made = replace(retarget.from_humanoid(replace(reached, rate=details.rate), mapping, details), layout=goal.layout)
     joints = {ours: joint for ours, joint in enumerate(mapping.joints) if joint is not None}
     at = made.global_positions()[0]
-    kept = {joints[ours]: at[joints[ours]] for ours in feet if ours in joints}
+    kept = {joints[ours]: at[joints[ours]] + 0.0 * place for ours, place in feet.items() if ours in joints}
     ease = np.zeros(len(mapping.skeleton))
     ease[list(joints.values())] = EASE.joints[list(joints)]
     ease = Ease(ease, EASE.root / mapping.scale**2)
@@ -245,7 +261,7 @@ def _solved(pose: Motion, wanted: Wanted, feet: dict[int, Float[ndarray, "3"]], 
     """The pose that meets what is wanted, with its feet where they stand if that can be; and what it misses."""
     both = replace(wanted, positions=feet | wanted.positions)
     made, miss = solve(pose, both, ease)
-    return (made, miss) if miss < SHORT / 10.0 or not feet else solve(pose, wanted, ease)
+    return (made, miss) if miss < SHORT / 10.0 or not feet else solve(made, wanted, ease)
 
 
 def _bent(pose: Motion, wanted: Wanted, feet: dict[int, Float[ndarray, "3"]]) -> Motion:
@@ -288,6 +304,18 @@ def _standing(pose: Motion, stands: Stands, parts: Parts) -> dict[int, Float[nda
             rise = max(float(rise.max()), float((lowest - heights).max()))
             out[ankle], out[toe] = at[ankle] + rise * _UP, at[toe] + rise * _UP
     return out
+
+
+def _sunk(pose: Motion, parts: Parts) -> dict[int, Float[ndarray, "3"]]:
+    """How high the free joints of a pose on the 22 are to be, wherever, that lie under the floor."""
+    heights = pose.global_positions()[0, :, 1]
+    level = np.full(len(HUMANOID), _THICK)
+    level[[*INDICES]] = REST_HEIGHTS - np.tile([_SLACK, 0.0], 2)
+    return {
+        joint: np.array([np.nan, level[joint], np.nan])
+        for joint in np.flatnonzero(heights < level - _SUNK).tolist()
+        if joint not in parts.joints
+    }
 
 
 def _details(start: Motion, goal: Motion, parts: Parts, mapping: retarget.Mapping) -> Motion:

@@ -1,0 +1,53 @@
+"""A completion of targets, added to a model folder."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from interpose import export as exporting
+from interpose.errors import InputError
+from interpose.export.target import example
+from interpose.models.target_pose import Complete, Size, TargetPose
+from interpose.runtime.session import load
+from interpose.train import checkpoint, loop
+from interpose.train.target_pose import Config
+
+
+def write_run(folder, styles):
+    size = Size(2, 16, 1, styles=len(styles))
+    torch.manual_seed(1)
+    model = TargetPose(size)
+    folder.mkdir()
+    parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
+    config = Config(preset="tiny", size=size, styles=styles, databases=("synthetic 1234",), licence="CC BY 4.0")
+    checkpoint.save(folder, checkpoint.State(parts), 7, config)
+    return folder, model
+
+
+def test_a_model_is_completed(tmp_path, model_folder):
+    run, model = write_run(tmp_path / "run", ("Old", "Young"))
+    with pytest.raises(InputError, match="completes a model; name it with --onto"):
+        exporting.export(run, tmp_path / "alone")
+    made = exporting.export(run, tmp_path / "both", onto=model_folder)
+    assert {p.name for p in made.iterdir()} == {"model.json", "step.onnx", "phases.npy", "target.onnx"}
+    told = json.loads((made / "model.json").read_text())["target"]
+    assert (told["latent"], told["steps"]) == (2, 7)
+    session = load(made)
+    assert session.completes
+    assert not load(model_folder).completes
+    feed = example(model, 5, 3)
+    said = session.run("target", {name: value.numpy() for name, value in feed.items()})
+    assert "networks" not in vars(session)  # the step is not opened for it
+    with torch.no_grad():
+        wanted = Complete(model.eval())(*feed.values())
+    for (name, got), value in zip(said.items(), wanted, strict=True):
+        np.testing.assert_allclose(got, value, atol=2e-2, err_msg=name)
+    assert set(session.networks) == {"step"}
+
+
+def test_other_styles_are_refused(tmp_path, model_folder):
+    run, _ = write_run(tmp_path / "run", ("Angry",))
+    with pytest.raises(InputError, match="the run's styles are not those of 'marching'"):
+        exporting.export(run, tmp_path / "both", onto=model_folder)
