@@ -1,13 +1,13 @@
 """What a frame of many characters costs, and how smoothly a stream takes changes of course.
 
     python benchmarks/streams.py [--repeats N] [--model DIR]
-    python benchmarks/streams.py --quality [--model NAME]
+    python benchmarks/streams.py --quality 12 [--model NAME]
 
 The first form times 1, 8 and 64 characters on one thread, with a network of random weights of the paper's size (16
 experts x 512) or with ``--model``: the network alone, the whole frame on the 22 joints while all go on as they were,
 with feet held, on a rig of 31 joints, and where every character's target moves in every frame (the network then runs
-for the former courses too). The second form walks a character over twelve courses, disturbs it in mid-way and tells the
-largest acceleration of a joint around the change beside that of the undisturbed rest, and how far feet slide.
+for the former courses too). The second form walks a character over so many courses, disturbs it in mid-way, and tells
+the largest acceleration of a joint around the change beside that of the undisturbed rest, and how far feet slide.
 """
 
 from __future__ import annotations
@@ -93,14 +93,14 @@ def timings(session: Session, repeats: int) -> None:
         row(kind, [frame_times(session, count, repeats, kind) for count in CROWDS])
 
 
-def walked(session: Session, course: int, change: str, plant: bool = False) -> Motion:
-    """The poses of one course of 90 frames: undisturbed, or changed at frame CHANGE or, steered, in every one."""
+def walked(session: Session, course: int, change: str, plant: bool = False) -> tuple[Motion, np.ndarray]:
+    """Poses and contacts of a course of 90 frames: undisturbed, changed at frame CHANGE or, steered, in every one."""
     draw = np.random.default_rng(course)
     place, heading = draw.uniform(-1.2, 1.2), draw.uniform(-60.0, 60.0)
     goal = poses.pose(poses.WALK_LEFT if course % 2 else poses.WALK_RIGHT, (place, 2.2), heading=heading)
     other = poses.pose(poses.WALK_RIGHT, (place + 1.2, 1.4), heading=heading + 80.0)
     stream = Stream(session, poses.pose(poses.STAND), plant=plant)
-    made, arrive = [stream.pose], 60
+    made, contacts, arrive = [stream.pose], [], 60
     for frame in range(90):
         aim = goal
         if frame >= 60:  # on to the next target without a stop
@@ -117,36 +117,37 @@ def walked(session: Session, course: int, change: str, plant: bool = False) -> M
         if change == "steered" and frame < 60:
             aim = moved(goal, 0.04 * frame - 1.2)
         made.append(stream.step(aim, max(1, arrive - frame) / 30.0))
-    return concatenate(*made)
+        contacts.append(stream.contacts)
+    return concatenate(*made), np.stack(contacts)
 
 
-def slide(motion: Motion) -> float:
-    """Centimetres a frame that a toe moves along the ground while it is low."""
+def slide(motion: Motion, contacts: np.ndarray) -> float:
+    """Centimetres a frame that a toe moves along the ground while the network says that it stands."""
     toes = motion.global_positions()[:, [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]]
     way = np.linalg.norm(np.diff(toes[..., ::2], axis=0), axis=-1)
-    low = np.maximum(toes[1:, :, 1], toes[:-1, :, 1]) < 0.03
-    return 100.0 * float(way[low].mean())
+    return 100.0 * float(way[contacts[:, [1, 3]] > 0.5].mean())
 
 
-def quality(session: Session, courses: int = 12) -> None:
+def quality(session: Session, courses: int) -> None:
     print(f"{session.name}: the largest acceleration of a joint, m/s2, mean over {courses} courses")
     print(f"{'change':20}{'around it':>12}{'undisturbed':>14}{'toe slide, cm/frame':>22}{'feet held':>12}")
+    straight = [walked(session, course, "none") for course in range(courses)]
     for change in ("none", "target", "style", "time, less", "time, up and down", "steered", "arrival"):
         rows = []
         for course in range(courses):
-            motion = walked(session, course, "none" if change == "arrival" else change)
-            still = walked(session, course, "none")
+            still = straight[course]
+            motion = still if change == "arrival" else walked(session, course, change)
             a, b = (
                 np.linalg.norm(np.diff(m.global_positions(), n=2, axis=0), axis=-1).max(axis=1) * 900.0
-                for m in (motion, still)
+                for m in (motion[0], still[0])
             )
             at = slice(CHANGE - 1, CHANGE + AROUND)
             if change == "arrival":
                 at = slice(58, 58 + AROUND)
             elif change in ("steered", "time, up and down"):
                 at = slice(CHANGE - 1, 44)
-            held = walked(session, course, "none" if change == "arrival" else change, plant=True)
-            rows.append([a[at].max(), b[5:55].max(), slide(motion), slide(held)])
+            held = walked(session, course, change, plant=True)
+            rows.append([a[at].max(), b[5:55].max(), slide(*motion), slide(*held)])
         around, rest, loose, held = np.mean(rows, axis=0)
         print(f"{change:20}{around:>12.1f}{rest:>14.1f}{loose:>22.2f}{held:>12.2f}")
 
@@ -155,10 +156,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Times streams of many characters.")
     parser.add_argument("--repeats", type=int, default=60)
     parser.add_argument("--model", help="an installed model's name or a folder")
-    parser.add_argument("--quality", action="store_true", help="accelerations and feet instead of times")
+    parser.add_argument("--quality", type=int, metavar="COURSES", help="accelerations and feet instead of times")
     asked = parser.parse_args()
     if asked.quality:
-        quality(load(asked.model))
+        quality(load(asked.model), asked.quality)
         return
     with tempfile.TemporaryDirectory() as folder:
         timings(load(asked.model or random_model("full", Path(folder))), asked.repeats)

@@ -19,6 +19,8 @@ from interpose.skeleton import HUMANOID
 
 ON, OFF = 0.6, 0.4
 """Probabilities at which a contact begins and ends."""
+SLOW = 0.05
+"""Metres a frame below which a foot must have come before it is held."""
 RAMP = 3.0
 RELEASE = 8.0
 REACH = 0.12
@@ -82,11 +84,12 @@ class FootLock:
         down = np.where(self._down, surest > OFF, surest > ON)
         self._spent &= down
         late = frames_left[:, None] <= RELEASE
-        held = down & ~self._spent & ~late
         point = np.where(contacts[..., 1] >= OFF, 1, 0)
         way = np.zeros_like(self._moved)
         if self._last is not None:
             way = np.take_along_axis(places - self._last, point[..., None, None], axis=2)[:, :, 0] * _GROUND
+        slow = (self._hold > 0.0) | (np.linalg.norm(way, axis=-1) < SLOW)
+        held = down & slow & ~self._spent & ~late
         self._hold = np.where(held, np.minimum(self._hold + 1.0 / RAMP, 1.0), 0.0)
         # Without a hold the correction follows the cubic to nil and rest.
         self._fade = np.where(held, RELEASE, np.minimum(self._fade, frames_left[:, None]))

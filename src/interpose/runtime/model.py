@@ -124,9 +124,10 @@ class Model:
         mapping: retarget.Mapping | None = None,
         plant: bool = False,
     ) -> Streams:
-        """Many characters of one rig, each as by :meth:`stream`, by one run of the network a frame: see :class:`Streams`.
+        """Characters of one rig, each as by :meth:`stream`, by one run of the network a frame: see :class:`Streams`.
 
-        Their seeds are ``seed`` and those that follow. Raises InputError for no start, several rigs, a rig that is no humanoid, and an unknown style.
+        Their seeds are ``seed`` and those that follow. Raises InputError for no start, several rigs, a rig that is no
+        humanoid, and an unknown style.
         """
         seeds = range(seed, seed + len(starts))
         return Streams(self.session, starts, styles, seeds, mapping, plant)

@@ -7,6 +7,9 @@ comes.
 
 from __future__ import annotations
 
+from jaxtyping import Float
+from numpy import ndarray
+
 from interpose import retarget
 from interpose.motion import Motion
 from interpose.runtime.session import Session
@@ -35,6 +38,11 @@ class Stream:
     def pose(self) -> Motion:
         """The present pose on the user's rig, a motion of one frame."""
         return self._one.poses
+
+    @property
+    def contacts(self) -> Float[ndarray, "4"]:
+        """Probabilities that LeftFoot, LeftToe, RightFoot, RightToe stand in it; nil before the first step."""
+        return self._one.contacts[0]
 
     @property
     def style(self) -> str | None:

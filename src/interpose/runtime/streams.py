@@ -19,6 +19,7 @@ from numpy import ndarray
 from interpose import retarget, rotation
 from interpose import skeleton as kinematics
 from interpose.errors import InputError
+from interpose.features import CONTACTS
 from interpose.motion import Motion, concatenate
 from interpose.runtime import fading, planning, poses, rollout
 from interpose.runtime.footlock import FootLock
@@ -29,14 +30,15 @@ from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 from interpose.stitching import ANCHORS, LONGEST_PLAN, spread
 
-Pose = tuple[Float[ndarray, "row 3"], Float[ndarray, "row 22 4"]]
+Pose = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 22 4"]]
 """Hips and local rotations of the humanoid."""
 
 
 class Streams:
     """Characters of one rig on their way, a pose each a thirtieth of a second. Made by :meth:`interpose.Model.streams`.
 
-    poses: the present poses on the user's rig; frame i is character i's.
+    poses: the present poses on the user's rig; frame i is character i's. contacts: (character, 4), probabilities that
+    LeftFoot, LeftToe, RightFoot, RightToe stand in them; nil before the first step.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class Streams:
         self._given: list[Motion | None] = [None] * self._count
         self._aimed_styles = self._styles
         self._left: Int[ndarray, "row"] = np.zeros(self._count, dtype=int)
+        self.contacts = np.zeros((self._count, len(CONTACTS)))
         self._fade = fading.none(self._count)
         self._feet = FootLock(self._count) if plant else None
 
@@ -111,13 +114,14 @@ class Streams:
         said = self._session.step(feed)
         after = {name: value[: self._count] for name, value in said.items()}
         self._state, self._path, self._left = rollout.after(after), after["next_path"], left - 1
+        self.contacts = after["contacts"].astype(float)
         pose = _pose(said, slice(self._count))
         self._keep_speed(pose, kept, _pose(said, slice(self._count, None)) if former else None, fresh & self._moving)
         self._fade = fading.advanced(self._fade, left.astype(float))
         self._before, self._now, self._moving = self._now, pose, np.ones(self._count, dtype=bool)
         show = fading.shown(self._fade, *pose)
         if self._feet is not None:
-            show = show[0], self._feet.step(*show, after["contacts"].astype(float), left)
+            show = show[0], self._feet.step(*show, self.contacts, left)
         return self._show(show, left)
 
     def _keep_speed(
@@ -214,7 +218,7 @@ class Streams:
         style: Float[ndarray, "some style"],
         frames: Int[ndarray, "some"],
     ) -> Float[ndarray, "some anchor pose"]:
-        """What the model's planner adds to the bases of ``rows``; nil without one, and for times that it does not know."""
+        """What the model's planner adds to the bases of ``rows``; nil without one, and for longer times than plans."""
         if not self._session.plans:
             return np.zeros((len(rows), ANCHORS, POSE))
         speed = self._state["velocities"][rows]
