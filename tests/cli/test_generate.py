@@ -335,4 +335,5 @@ def test_a_style_can_be_exaggerated(tmp_path, run, clip, model):
     assert status == 0, err
     assert json.loads(said)["style_strength"] == 2.0
     fails(run(*asked, "--model", model, "--style-strength", 4), "the style's strength must be 0 to 3, got 4")
-    fails(run(*asked, "--method", "interp", "--style-strength", 2), "needs a model with styles")
+    plain = ("between", f"{clip}:3", f"{clip}:60", "--frames", 20, "--method", "interp", "-o", out)
+    fails(run(*plain, "--style-strength", 2), "needs a model with styles")
