@@ -29,9 +29,10 @@ def fixed_rows(data: Frames, gap: int, count: int, styles: int) -> Rows:
     here = data.positions[start]
     state = fresh_state(data, start, start, data.hips[start], to_matrix(data.rotations[start]), here, unknown)
     whole = torch.full_like(start, total)
-    nothing = torch.zeros_like(style[:, :1])
+    path_known, start_known, target_known = torch.zeros(3, count, 1, device=start.device)
     added = torch.zeros(count, ANCHORS, POSE, device=start.device)
-    return Rows(start, torch.zeros_like(start), whole, nothing, style, nothing, nothing, added, keys, state)
+    gone = torch.zeros_like(start)
+    return Rows(start, gone, whole, path_known, style, start_known, target_known, added, keys, state)
 
 
 @torch.no_grad()
