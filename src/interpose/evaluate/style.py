@@ -104,8 +104,8 @@ def evaluate_style(
 
     strengths: of the style, as `--style-strength`. part: 'held-out', or 'all' for a database that the model was not
     trained on, or of clips so short that nothing is held out: then every clip has two halves that judge one another.
-    Raises InputError for another part, strengths out of range, lengths below the judged second, and fewer than two styles that both database
-    and model know and that can be judged.
+    Raises InputError for another part, strengths out of range, lengths below the judged second, and fewer than two
+    styles that both database and model know and that can be judged.
     """
     if part not in ("all", "held-out"):
         raise InputError(f"unknown part '{part}' of a database; use all or held-out")
