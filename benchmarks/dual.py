@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     asked = parser.parse_args()
     stages = (Stage(800, 1, 512), Stage(1000, 8, 128))
-    config = replace(PRESETS["small"], stages=stages, average=0.99, warmup=50)
+    config = replace(PRESETS["small"], planner=None, stages=stages, average=0.99, warmup=50)
     runs, models = asked.out / "runs", asked.out / "models"
     for name, backward in (("front", False), ("back", True)):
         dcmoe.train([asked.db], runs / name, config=config, backward=backward)

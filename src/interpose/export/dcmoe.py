@@ -88,9 +88,11 @@ def export(
 def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
     """Writes a copy of a model that has the backward step too, so that it can stitch; see `interpose.runtime.dual`.
 
-    Raises InputError where the two are not of one kind.
+    Raises InputError where the two are not of one kind, and where one walks along a plan, which both ends cannot share.
     """
     model = model_of(saved)
+    if onto.plans or model.planner is not None:
+        raise InputError(f"'{onto.name}' or the backward run has a planner; stitch with networks that have none")
     if list(onto.styles) != list(saved["config"]["styles"]) or onto.feeds_path_back != saved["config"]["absolute"]:
         raise InputError(f"the backward run's styles or form are not those of '{onto.name}'; train both alike")
 

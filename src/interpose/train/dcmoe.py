@@ -90,6 +90,8 @@ def train(
         chosen = replace(chosen, plan_from=plan_from.name)
     if plan_steps is not None:
         chosen = replace(chosen, planning=replace(chosen.planning, steps=plan_steps))
+    if backward:
+        chosen = replace(chosen, planner=None)  # two chains that meet cannot share a plan of one of them
     if chosen.planner is not None:
         chosen = replace(chosen, planner=replace(chosen.planner, styles=len(styles)))
     if foreign_keys is not None:
