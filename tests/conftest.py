@@ -103,6 +103,34 @@ def session(model_folder: Path) -> Session:
 
 
 @pytest.fixture(scope="session")
+def planned_network(frames: Frames) -> DCMoE:
+    """One that has a planner; not to be changed."""
+    import learning
+
+    return learning.network_for(frames, config=learning.PLANNED)
+
+
+@pytest.fixture(scope="session")
+def planned_folder(planned_network: DCMoE, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That network, exported; not to be changed."""
+    import learning
+
+    from interpose import export
+
+    folder = tmp_path_factory.mktemp("planned")
+    run = learning.write_run(folder / "run", planned_network, learning.PLANNED)
+    return export.export(run, folder / "planned")
+
+
+@pytest.fixture(scope="session")
+def planned_session(planned_folder: Path) -> Session:
+    """The exported network, loaded."""
+    from interpose.runtime.session import load
+
+    return load(planned_folder)
+
+
+@pytest.fixture(scope="session")
 def stitch_network(frames: Frames) -> StitchingCVAE:
     """A small stitching model of random weights that says a lot; not to be changed."""
     import stitch_learning

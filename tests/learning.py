@@ -7,6 +7,7 @@ frame or state shows in what they say.
 from __future__ import annotations
 
 import math
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,13 @@ from interpose import rotation
 from interpose.data import database, root
 from interpose.data.database import ClipArrays, ClipInfo, Database
 from interpose.features import CHANNELS, RATE
-from interpose.models.dcmoe import Control, DCMoE, Size
+from interpose.models.dcmoe import Control, DCMoE
+from interpose.models.gap_plan import GapPlan, PlanSize
+from interpose.models.layers import Residual
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
-from interpose.train import checkpoint, dcmoe, loop
+from interpose.train import checkpoint, dcmoe, loop, planning
+from interpose.train.dcmoe_config import size_of
 from interpose.train.frames import Frames, load_frames
 from interpose.train.sequences import Rows, Truth, base_window, control, poses, truth
 
@@ -40,6 +44,8 @@ CONFIG = dcmoe.Config(
     phases=True,
     licence="CC BY 4.0",
 )
+PLANNED = replace(CONFIG, planner=PlanSize(latent=8, hidden=32, depth=1, styles=len(STYLES)))
+"""The same with a planner."""
 
 
 def march(frames: int, hertz: float, heading: float) -> Motion:
@@ -96,16 +102,30 @@ def frames_of(data: Database) -> Frames:
     return load_frames(data, phases_of(data), list(STYLES), [(int(a), int(b)) for a, b in data.ranges])
 
 
-def network_for(data: Frames, absolute: bool = False) -> DCMoE:
+def network_for(data: Frames, absolute: bool = False, config: dcmoe.Config = CONFIG) -> DCMoE:
     """A loud network of random weights, its features normalised for ``data``."""
     torch.manual_seed(3)
-    model = DCMoE(Size(CONFIG.experts, CONFIG.hidden, CONFIG.gate, absolute, len(STYLES)))
+    model = DCMoE(replace(size_of(asdict(config)), absolute=absolute))
     with torch.no_grad():
         model.network.experts[2].linear.weight.mul_(1.0 if absolute else 8.0)
         model.network.experts[2].linear.bias.normal_(std=0.3)
         model.network.gate[-1].weight.mul_(20.0)
-    dcmoe.set_statistics(model, data, CONFIG, torch.Generator().manual_seed(0), count=512)
+    generator = torch.Generator().manual_seed(0)
+    if model.planner is not None:
+        _wake(model.planner)
+        planning.set_statistics(model.planner, data, config.sampling, generator, count=512)
+    dcmoe.set_statistics(model, data, config, generator, count=512)
     return model.eval().requires_grad_(False)
+
+
+def _wake(planner: GapPlan) -> None:
+    """Random weights where a network begins with none, and louder last layers."""
+    with torch.no_grad():
+        for module in planner.modules():
+            if isinstance(module, Residual):
+                module.second.weight.normal_(std=0.1)
+        for network in (planner.prior, planner.posterior, planner.decoder):
+            network[-1].weight.mul_(3.0)
 
 
 def silence(model: DCMoE) -> DCMoE:

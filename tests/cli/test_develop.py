@@ -192,6 +192,13 @@ def test_judging_labels_and_styles_is_reached(tmp_path, run):
     fails(run(*asked, "--strength", "much"), "--strength takes numbers separated by commas, got 'much'")
 
 
+def test_only_dcmoe_trains_on_several_processes(tmp_path, run, monkeypatch):
+    pytest.importorskip("torch")
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    said = "pae trains on one process; torchrun is for dcmoe"
+    fails(run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run"), said)
+
+
 def test_training_is_reached(tmp_path, run, clips):
     pytest.importorskip("torch")
     fails(run("train", "dcmoe", "--data", tmp_path / "none", "-o", tmp_path / "run"), "none")

@@ -15,7 +15,7 @@ from interpose.errors import InputError
 from interpose.export import stitch as exporting
 from interpose.models.geometry import root_frame
 from interpose.motion import mirror
-from interpose.runtime import methods, planning, poses, stitched
+from interpose.runtime import methods, planning, poses, rollout, stitched
 from interpose.runtime.inbetween import inbetween
 from interpose.runtime.request import Request
 from interpose.runtime.session import Session, load
@@ -43,7 +43,7 @@ def keys():
 
 
 def joints(root, local):
-    return rollout.pose_of(root, local).positions
+    return poses.pose_of(root, local).positions
 
 
 def in_torch(monkeypatch, model):

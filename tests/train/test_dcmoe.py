@@ -210,7 +210,8 @@ def test_interpolation_is_the_measure_of_validation(frames, network):
     ratios = validation.ratios(learning.silence(copy.deepcopy(network)), frames, rule, count=4)
     gaps = (5, 15, 30, 45, 60, 90)
     assert set(ratios) == {f"{kind}/{gap}" for kind in ("valid", "path", "jerk") for gap in gaps}
-    assert [ratios[f"{kind}/{gap}"] for kind in ("valid", "path") for gap in gaps] == [pytest.approx(1.0, abs=1e-3)] * 12
+    for kind in ("valid", "path"):
+        assert [ratios[f"{kind}/{gap}"] for gap in gaps] == [pytest.approx(1.0, abs=1e-3)] * 6
     assert max(ratios[f"jerk/{gap}"] for gap in gaps) < 0.5  # interpolation hardly has any
     loud = validation.ratios(network, frames, replace(rule, longest=20), count=12)
     assert {name for name in loud if name.startswith("valid")} == {"valid/5", "valid/15"}

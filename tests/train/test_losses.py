@@ -237,3 +237,42 @@ def test_every_term_has_a_weight(case):
 
 def test_feet_are_found_by_name():
     assert [HUMANOID.names[joint] for joint in losses.FEET] == list(CONTACTS)
+
+
+def still(frames, height=0.0):
+    """One row of a figure whose joints all rest at that height."""
+    positions = torch.zeros(1, frames, JOINTS, 3)
+    positions[..., 1] = height
+    return positions
+
+
+@pytest.mark.parametrize(("share", "weight"), [(0.0, 1.0), (0.5, 2.0 - 2.0**0.5), (1.0, 0.0), (3.0, 0.0)])
+def test_a_toe_that_moves_while_it_is_low_skates(share, weight):
+    made = still(4, share * losses.SLIDE_HEIGHT)
+    made[0, :, LEFT_TOE, 0] = 0.01 * torch.arange(4.0)
+    made[0, :, HUMANOID.index("LeftFoot"), 0] = torch.arange(4.0)  # ankles are free
+    assert float(losses.skate(made)) == pytest.approx(0.01 / 2 * weight, abs=2e-5)
+
+
+def test_energy_is_the_logarithm_of_the_jerks_ratio():
+    true = torch.randn(2, 12, JOINTS, 3, generator=torch.Generator().manual_seed(0))
+    for scale in (2.0, 0.5):
+        torch.testing.assert_close(losses.energy(scale * true, true), torch.full((2,), 2.0).log(), atol=1e-3, rtol=0)
+    assert losses.energy(true, true).abs().max() == 0.0
+    moved = true + torch.arange(12.0)[:, None, None] * torch.tensor([0.3, 0.0, 0.1])  # speed is no jerk
+    assert losses.energy(moved, true).max() < 1e-3
+    assert losses.energy(still(12), still(12)).max() == 0.0
+    assert losses.energy(2.0 * true[:, :4], true[:, :4]).max() == 0.0  # too short to tell
+    # Loud in one half and still in the other does not even out.
+    true = torch.cat([true, true], dim=1)
+    uneven = torch.cat([2.0 * true[:, :12], 0.0 * true[:, 12:]], dim=1)
+    assert losses.energy(uneven, true).min() > 1.0
+
+
+def test_windows_count_the_rows_that_are_inside_their_gap():
+    true = torch.randn(2, 12, JOINTS, 3, generator=torch.Generator().manual_seed(0))
+    made = torch.stack([2.0 * true[0], 50.0 * true[1]])
+    total, each = losses.windows(made, true, torch.tensor([1.0, 0.0]), Weights(skate=0.0, energy=3.0))
+    assert float(each["energy"]) == pytest.approx(float(losses.energy(made, true)[0]))
+    assert float(total) == pytest.approx(3.0 * float(each["energy"]))
+    assert float(losses.windows(made, true, torch.zeros(2), Weights())[0]) == 0.0
