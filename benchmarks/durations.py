@@ -36,7 +36,9 @@ def main(db: Path, name: str, out: Path | None = None) -> None:
             frames = round(seconds * rate) - 1
             spans = [(a, b) for a, b in ranges if (b - a) / 30.0 > seconds + 1.0] or _whole(data, seconds)
             chosen = [spans[i] for i in np.linspace(0, len(spans) - 1, min(CLIPS, len(spans))).astype(int)]
-            clips = [resample(data.motion(a, min(b, a + round(30 * seconds) + 30)), rate) for a, b in chosen]
+            need = round(30 * seconds) + 30
+            begins = [(a, (a + b - need) // 2) for a, b in chosen]  # clips often begin and end at rest
+            clips = [resample(data.motion(max(a, at), max(a, at) + need), rate) for a, at in begins]
             for path in ("auto", "none"):
                 rows, figures, notes = [], [], set()
                 for clip in clips:
