@@ -33,7 +33,7 @@ class Config:
     absolute: bool = False
     planner: PlanSize | None = field(default_factory=lambda: PlanSize(hidden=1024))
     planning: Planning = field(default_factory=lambda: Planning(40_000, 2048))
-    stages: tuple[Stage, ...] = (Stage(30_000, 1, 1024), Stage(30_000, 8, 256), Stage(30_000, 16, 256))
+    stages: tuple[Stage, ...] = (Stage(60_000, 8, 256), Stage(30_000, 16, 256))
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
     warmup: int = 500
@@ -67,8 +67,9 @@ PRESETS: dict[str, Config] = {
         hidden=256,
         gate=(256, 64),
         planner=PlanSize(),
-        planning=Planning(6_000, 512),
-        stages=(Stage(2_000, 1, 512), Stage(2_500, 8, 128), Stage(1_600, 12, 128)),
+        planning=Planning(12_000, 512),
+        stages=(Stage(1_500, 8, 128), Stage(1_000, 12, 128)),
+        average=0.996,
     ),
     "tiny": Config(
         preset="tiny",
@@ -102,6 +103,7 @@ PRESETS: dict[str, Config] = {
             phase_known_inside=1.0,
             rotation_noise=0.0,
             hips_noise=0.0,
+            far=0.0,
         ),
     ),
 }

@@ -91,7 +91,7 @@ class Weights:
     phase: float = 0.05
     consistency: float = 0.5
     skate: float = 10.0
-    energy: float = 0.1
+    energy: float = 0.05
 
 
 def unrolled(
