@@ -35,7 +35,8 @@ def plain(frames) -> tuple[np.ndarray, np.ndarray]:
 
 
 def local(frames) -> tuple[np.ndarray, np.ndarray]:
-    return CLIP.root_positions[list(frames)], CLIP.local_rotations[list(frames)]
+    rows = list(frames)
+    return CLIP.root_positions[rows], CLIP.local_rotations[rows]
 
 
 def said(graph, feed) -> dict[str, np.ndarray]:
@@ -70,20 +71,20 @@ def aim_feed(frames: int) -> dict[str, np.ndarray]:
     return state | goal | {"frames": np.full((2, 1), float(frames)), "at": at, "style": style}
 
 
-@pytest.mark.parametrize("frames", [1, 2, 40])
-def test_aim_gives_the_target_and_the_interpolation(frames):
-    made = said(engine.Aim(), aim_feed(frames))
-    np.testing.assert_allclose(made["bases"], poses.interpolation(local(START), local(TARGET), frames - 1), atol=1e-4)
+@pytest.mark.parametrize("steps", [1, 2, 40])
+def test_aim_gives_the_target_and_the_interpolation(steps):
+    made = said(engine.Aim(), aim_feed(steps))
+    np.testing.assert_allclose(made["bases"], poses.interpolation(local(START), local(TARGET), steps - 1), atol=1e-4)
     target = poses.pose_of(*local(TARGET))
     for name in ("hips", "rotations", "positions"):
         np.testing.assert_allclose(made[f"target_{name}"], getattr(target, name), atol=1e-5)
 
 
-@pytest.mark.parametrize("frames", [40, LONGEST_PLAN + 1])
-def test_aim_adds_the_plan(frames, session, monkeypatch):
+@pytest.mark.parametrize("steps", [40, LONGEST_PLAN + 1])
+def test_aim_adds_the_plan(steps, session, monkeypatch):
     torch.manual_seed(0)
     planner = GapPlan(PlanSize(latent=4, hidden=32, depth=1, styles=2)).eval()
-    feed = aim_feed(frames)
+    feed = aim_feed(steps)
 
     def run(_self, _name, told):
         with torch.no_grad():
@@ -92,12 +93,12 @@ def test_aim_adds_the_plan(frames, session, monkeypatch):
 
     monkeypatch.setattr(Session, "run", run)
     context = poses.pose_of(*local(START)), feed["velocities"], poses.pose_of(*local(TARGET))
-    told = planning.ends(*context, None, [frames] * 2, feed["style"], [None] * 2, 1.0)
-    anchors = planning.plan(session, told, np.zeros((2, 4)))[0] * (frames <= LONGEST_PLAN)
-    wanted = poses.interpolation(local(START), local(TARGET), frames - 1)
-    wanted = wanted + np.einsum("ta,bap->btp", spread(frames), anchors)
+    told = planning.ends(*context, None, [steps] * 2, feed["style"], [None] * 2, 1.0)
+    anchors = planning.plan(session, told, np.zeros((2, 4)))[0] * (steps <= LONGEST_PLAN)
+    wanted = poses.interpolation(local(START), local(TARGET), steps - 1)
+    wanted = wanted + np.einsum("ta,bap->btp", spread(steps), anchors)
     made = said(engine.Aim(planner), feed)["bases"]
-    assert (np.abs(anchors).max() > 0.05) == (frames <= LONGEST_PLAN)
+    assert (np.abs(anchors).max() > 0.05) == (steps <= LONGEST_PLAN)
     np.testing.assert_allclose(made, wanted, atol=2e-4)
 
 
