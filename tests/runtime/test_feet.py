@@ -14,7 +14,7 @@ from interpose.data import contacts
 from interpose.io import bvh
 from interpose.motion import Motion, resample
 from interpose.runtime import feet
-from interpose.runtime.footholds import DEFAULT, eased, runs
+from interpose.runtime.stances import DEFAULT
 from interpose.skeleton import HUMANOID
 
 TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
@@ -80,21 +80,22 @@ def test_feet_that_stand_already_are_left_alone() -> None:
     np.testing.assert_array_equal(feet.plant(motion, down()).local_rotations, motion.local_rotations)
 
 
-def test_without_contacts_nothing_moves_but_what_is_under_the_floor() -> None:
-    swaying = drifting(standing(height=0.03), np.array([0.1, 0.0, 0.1]))
+def test_a_foot_in_the_air_moves_only_where_it_comes_too_near_the_floor() -> None:
+    swaying = drifting(standing(height=0.06), np.array([0.1, 0.0, 0.1]))
     np.testing.assert_array_equal(feet.plant(swaying, np.zeros((FRAMES, 4))).local_rotations, swaying.local_rotations)
-    sinking = drifting(standing(), np.array([0.0, -0.06, 0.0]))
+    sinking = drifting(standing(height=0.06), np.array([0.0, -0.12, 0.0]))
     planted = feet.plant(sinking, np.zeros((FRAMES, 4)))
     assert sinking.global_positions()[:, TOES, 1].min() < -0.05
     assert planted.global_positions()[:, TOES, 1].min() > -1e-6
-    assert largest_acceleration(planted) < 4.0 * largest_acceleration(sinking)
+    assert largest_acceleration(planted) < 20.0
 
 
-def test_a_foot_comes_down_onto_the_floor_without_a_kink() -> None:
-    touching = drifting(standing(bend=0.8, height=0.03), np.array([0.0, -0.06, 0.0]))
-    planted = feet.plant(touching, np.zeros((FRAMES, 4)))
-    assert planted.global_positions()[:, TOES, 1].min() > -1e-6
-    assert largest_acceleration(planted) < 2.0  # 3.9 where the heights are only cut off
+@pytest.mark.parametrize("depth", [-0.02, 0.0, 0.015])
+def test_nothing_sinks_farther_than_the_keys(depth: float) -> None:
+    sinking = drifting(standing(height=depth), np.array([0.05, -0.08, 0.0]))
+    toes = feet.plant(sinking, down()).global_positions()[1:-1, TOES, 1]
+    assert toes.min() > min(0.0, depth) - 1e-6
+    assert toes[10:-10].min() > -1e-6
 
 
 def test_beside_a_key_in_the_air_a_contact_leaves_time_to_come_down() -> None:
@@ -104,7 +105,7 @@ def test_beside_a_key_in_the_air_a_contact_leaves_time_to_come_down() -> None:
     motion = replace(motion, root_positions=root)
     toe, before = (m.global_positions()[:, TOES[0]] for m in (feet.plant(motion, down()), motion))
     assert np.linalg.norm(toe[1] - before[1]) < DEFAULT.pace
-    np.testing.assert_allclose(toe[3:-3, 1], DEFAULT.toe_heights[1], atol=1e-6)
+    np.testing.assert_allclose(toe[6:-6, 1], DEFAULT.toe_heights[1], atol=1e-6)
 
 
 def test_quaternions_keep_their_signs() -> None:
@@ -117,8 +118,8 @@ def test_quaternions_keep_their_signs() -> None:
 
 def test_only_the_legs_turn_and_the_toes_keep_their_direction() -> None:
     swaying = drifting(standing(), np.array([0.1, 0.0, 0.0]))
-    planted = feet.plant(swaying, down(joints=(0, 1)))
-    others = [j for j in range(22) if j not in LEGS[:4]]
+    planted = feet.plant(swaying, down())
+    others = [j for j in range(22) if j not in LEGS]
     np.testing.assert_array_equal(planted.local_rotations[:, others], swaying.local_rotations[:, others])
     turned = rotation.multiply(
         rotation.inverse(planted.global_rotations()[:, TOES[0]]), swaying.global_rotations()[:, TOES[0]]
@@ -131,7 +132,7 @@ def test_a_contact_within_the_gap_is_brought_to_the_floor_and_fades_out() -> Non
     planted = feet.plant(hovering, np.where(np.arange(FRAMES)[:, None] // 8 == 2, down(), 0.0))
     toe, before = planted.global_positions()[:, TOES[0]], hovering.global_positions()[:, TOES[0]]
     np.testing.assert_allclose(toe[16:24], np.broadcast_to(toe[16], (8, 3)), atol=1e-6)
-    assert 0.0 <= toe[16, 1] <= 0.02
+    assert -1e-6 <= toe[16, 1] <= 0.02 + 1e-6
     assert np.linalg.norm(toe - before, axis=-1)[[1, -2]].max() < 0.004
     assert largest_acceleration(planted) < 30.0
 
@@ -209,29 +210,29 @@ def test_another_skeleton_raises() -> None:
         feet.plant(other, down())
 
 
-def test_uncertain_contacts_have_hysteresis_and_a_shortest_length() -> None:
-    unsure = np.array(
-        [0, 0.5, 0.5, 0.9, 0.9, 0.5, 0.5, 0.5, 0.1, 0.1, 0.1, 0.1, 0.9, 0.1, 0.1, 0.5, 0.5, 0.5, 0.1, 0.1]
-    )
-    there = np.zeros((len(unsure), 3))
-    found = runs(unsure, there, (0.0, 0.02), DEFAULT)
-    assert [(run.start, run.stop) for run in found] == [(0, 8)]  # the key stands there too; one frame of .9 is noise
-    in_the_air = there.copy()
-    in_the_air[0, 1] = 0.2
-    assert [(run.start, run.stop) for run in runs(unsure, in_the_air, (0.0, 0.02), DEFAULT)] == [(1, 8)]
+def test_a_figure_that_glides_walks() -> None:
+    frames = 62
+    gliding = standing(frames, bend=0.6)
+    way = np.linspace(0.0, 1.2, frames)[:, None] * np.array([0.0, 0.0, 1.0])
+    gliding = replace(gliding, root_positions=gliding.root_positions + way)
+    planted = feet.plant(gliding, np.full((frames, 4), 0.5))
+    slides = [contacts.foot_slide(motion.global_positions()[:, TOES]) for motion in (gliding, planted)]
+    (travel, low), (less, fewer) = [(float(a), float(b)) for a, b in slides]
+    assert less / fewer < 0.35 * travel / low
+    toes = planted.global_positions()[:, TOES]
+    still = np.linalg.norm(np.diff(toes, axis=0), axis=-1) < 1e-6
+    assert np.all(still.sum(axis=0) > 12)
+    assert toes[..., 1].max() > 0.03  # it lifts its feet
+    assert largest_acceleration(planted) < 50.0
 
 
-def test_there_is_time_between_places_and_before_keys() -> None:
-    wanted = np.zeros((20, 3))
-    wanted[2:9, 0], wanted[11:19, 0] = 0.12, -0.06
-    held = np.zeros(20, dtype=bool)
-    held[2:9] = held[11:19] = True
-    kept = eased(wanted, held, DEFAULT)
-    assert not np.any(kept & ~held)
-    way = np.concatenate([[0.0], wanted[kept, 0], [0.0]])
-    at = np.concatenate([[0], np.flatnonzero(kept), [19]])
-    assert np.all(np.abs(np.diff(way)) <= DEFAULT.pace * np.diff(at) + 1e-12)
-    assert kept.sum() >= 7
+def test_a_folded_leg_is_not_thrown_about() -> None:
+    kneeling = standing(bend=2.9)
+    swaying = drifting(kneeling, np.array([0.1, 0.0, 0.1]))
+    planted = feet.plant(swaying, down())
+    knees = [LEGS[1], LEGS[5]]
+    apart = np.linalg.norm(planted.global_positions()[:, knees] - swaying.global_positions()[:, knees], axis=-1)
+    assert apart.max() < 0.4
 
 
 @pytest.mark.parametrize("first", [600, 1500, 2700])
@@ -250,3 +251,19 @@ def test_a_real_walk_that_drifts_slides_no_more_than_it_did(lafan1_dir: Path, fi
     assert slide(drifted) > 3.0 * slide(walk)
     assert slide(planted) < slide(walk) + 1e-3
     assert largest_acceleration(planted) < 1.2 * largest_acceleration(walk)
+
+
+@pytest.mark.parametrize("name", ["walk4_subject1", "fallAndGetUp1_subject1", "ground1_subject1"])
+def test_real_motion_hardly_changes(lafan1_dir: Path, name: str) -> None:
+    clip = bvh.read(lafan1_dir / f"{name}.bvh")
+    clip = resample(retarget.to_humanoid(clip, retarget.plan(clip)), 30.0)
+    changes = []
+    for first in range(300, 3900, 600):
+        gap = clip[first : first + 62]
+        stands = contacts.detect(clip[first - 5 : first + 67].global_positions(), 30.0)[5:-5]
+        planted = feet.plant(gap, stands.astype(float))
+        legs, before = (motion.global_positions()[:, LEGS] for motion in (planted, gap))
+        changes.append(np.linalg.norm(legs - before, axis=-1))
+        assert np.ptp(np.linalg.norm(legs[:, 3] - legs[:, 2], axis=-1)) < 1e-9  # bones keep their lengths
+    assert np.mean(changes) < 0.01
+    assert np.quantile(changes, 0.99) < 0.05

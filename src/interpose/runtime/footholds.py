@@ -1,7 +1,8 @@
-"""When and where a foot joint stands: contact probabilities into runs of frames, and a place on the ground for each.
+"""Where a foot stands: a place for the toe and one for the heel in each stance that `interpose.runtime.stances` finds.
 
-Places are chosen so that what is asked of the legs stays possible: frames that would need too long a way to a place are
-let go, and so are those that would leave no time to come from one place to the next, or to a key.
+Places are chosen so that what is asked of the legs stays possible: frames that would need too long a way to a place, or
+that the leg does not reach, are let go, and so are those that would leave no time to come from one place to the next,
+or to a key.
 """
 
 from __future__ import annotations
@@ -11,130 +12,109 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from scipy.ndimage import median_filter
+
+from interpose.runtime.stances import Settings
+
+RISE = 0.005
+"""Metres a frame by which the floor may rise from a key that is below it."""
+_BESIDE = 0.08
+"""Metres from a key's place within which a stance beside the key is at that place."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Frames are of 30 Hz, lengths metres.
+@dataclass(frozen=True, eq=False)
+class Footing:
+    """Where one foot stands. held, toe: whether the toe does, in each frame, and where. flat, heel: so of the ankle."""
 
-    on, off: the probabilities at which a contact begins and ends. shortest: frames that a contact lasts at least.
-    decay: frames over which a correction fades. stretch: the longest correction; a place farther away is let go.
-    pace: metres a frame by which a correction may change between two places; frames are let go to leave the time.
-    step: how far apart both keys' places of one foot must be for it to have stepped between them.
-    toe_heights, ankle_heights: from the lowest that a joint may be to the highest that one on the floor stands. A
-    lower key lowers the floor around it. above: metres over those heights up to which a planted joint is brought
-    down to the floor; one still higher stands on something and keeps its height.
-    """
-
-    on: float = 0.6
-    off: float = 0.4
-    shortest: int = 3
-    decay: float = 8.0
-    stretch: float = 0.25
-    pace: float = 0.03
-    step: float = 0.03
-    toe_heights: tuple[float, float] = (0.0, 0.02)
-    ankle_heights: tuple[float, float] = (0.06, 0.09)
-    above: float = 0.06
+    held: Bool[ndarray, "frame"]
+    toe: Float[ndarray, "frame 3"]
+    flat: Bool[ndarray, "frame"]
+    heel: Float[ndarray, "frame 3"]
 
 
-DEFAULT = Settings()
-
-_KEY_REACH = 0.1
-"""Metres within which the neighbour of a key must stand to stand where the key does."""
-
-
-def runs(
-    probability: Float[ndarray, "frame"],
-    positions: Float[ndarray, "frame 3"],
-    heights: tuple[float, float],
+def footing(
+    leg: Float[ndarray, "frame 4 3"],
+    heel_down: Float[ndarray, "frame"],
+    spans: list[slice],
+    reach: float,
     settings: Settings,
-) -> list[slice]:
-    """Frames of each contact: median of three, hysteresis, short breaks closed, short contacts dropped.
+) -> Footing:
+    """The places of one foot in its stances.
 
-    A contact of a key's neighbour takes the key in where the joint stands there too: not far off, and not in the air.
+    ``leg``: hip, knee, ankle and toe. ``heel_down``: probability that the heel is. ``reach``: of hip to toe, metres. A
+    stance that holds a key stands where the key stands; one that holds both goes from the one to the other, slowly.
     """
-    inner = median_filter(probability[1:-1], size=3, mode="nearest")
-    spans = [s for s in _spans(inner > settings.off) if inner[s].max() > settings.on]
-    merged: list[slice] = []
+    hip, ankle, toe = leg[:, 0], leg[:, 2], leg[:, 3]
+    frames = len(toe)
+    held, flat = np.zeros(frames, dtype=bool), np.zeros(frames, dtype=bool)
+    places, heels = toe.copy(), ankle.copy()
+    lowest = floor(toe[:, 1], settings.toe_heights[0])
+    down = (heel_down > 0.5) & (ankle[:, 1] < settings.ankle_heights[1] + settings.above)
     for span in spans:
-        if merged and span.start - merged[-1].stop < settings.shortest:
-            merged[-1] = slice(merged[-1].start, span.stop)
-        else:
-            merged.append(span)
-    last = len(probability) - 1
-
-    def stands(key: int, beside: int) -> bool:
-        raised = positions[key, 1] - max(positions[beside, 1], heights[1])
-        return bool(np.linalg.norm(positions[key] - positions[beside]) < _KEY_REACH and raised < settings.step)
-
-    runs = []
-    for span in merged:
-        start, stop = span.start + 1, span.stop + 1
-        start = 0 if start == 1 and stands(0, 1) else start
-        stop = last + 1 if stop == last and stands(last, last - 1) else stop
-        if stop - start >= settings.shortest:
-            runs.append(slice(start, stop))
-    return runs
-
-
-def places(
-    positions: Float[ndarray, "frame 3"], runs: list[slice], heights: tuple[float, float], settings: Settings
-) -> list[tuple[slice, Float[ndarray, "3"]]]:
-    """The place of each contact, and the frames left of it where the whole would need too long a way.
-
-    A contact that holds a key stands where the key stands. One that holds both, in different places, is two with a step
-    between them.
-    """
-    last = len(positions) - 1
-    found: list[tuple[slice, Float[ndarray, "3"]]] = []
-    for run in runs:
-        at_start, at_target = run.start == 0, run.stop == last + 1
-        if at_start and at_target and np.linalg.norm(positions[-1] - positions[0]) > settings.step:
-            found.extend(_step(positions, settings))
-        elif at_start or at_target:
-            found.extend(_near(positions, run, positions[0] if at_start else positions[-1], settings))
-        else:
-            found.extend(_free(positions, run, heights, settings))
-    return [(run, where) for run, where in found if run.stop - run.start >= settings.shortest]
+        place = _held_by_keys(toe, span)
+        if place is None:
+            place = _beside_key(toe, span, settings)[None]
+            if place[0, 1] < settings.toe_heights[1] + settings.above:
+                place[0, 1] = np.clip(place[0, 1], *settings.toe_heights)
+        place = np.broadcast_to(place, toe[span].shape).copy()
+        place[:, 1] = np.maximum(place[:, 1], lowest[span])
+        near = np.linalg.norm(toe[span] - place, axis=-1) <= settings.stretch
+        near &= np.linalg.norm(place - hip[span], axis=-1) <= reach
+        kept = _kept(near, span, frames, settings.shortest)
+        held[span], places[span] = kept, np.where(kept[:, None], place, toe[span])
+        rises = 0 if span.stop == frames else settings.heel_first
+        flats = np.flatnonzero((down[span] & kept)[: len(kept) - rises])
+        if len(flats) >= settings.shortest:
+            stays = slice(span.start + int(flats[0]), span.start + int(flats[-1]) + 1)
+            direction = _held_by_keys(ankle - toe, stays)
+            if direction is None:
+                direction = (ankle - toe)[stays].mean(axis=0)[None]
+            direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+            length = np.linalg.norm(ankle[0] - toe[0])
+            flat[stays] = held[stays]
+            heels[stays] = places[stays] + direction * length
+    return Footing(held, places, flat, heels)
 
 
-def _near(
-    positions: Float[ndarray, "frame 3"], run: slice, where: Float[ndarray, "3"], settings: Settings
-) -> list[tuple[slice, Float[ndarray, "3"]]]:
-    """The unbroken frames next to the key at ``where`` that it can hold."""
-    within = np.linalg.norm(positions[run] - where, axis=-1) <= settings.stretch
-    if run.start == 0:
-        return [(slice(0, run.stop if within.all() else int(np.argmin(within))), where)]
-    return [(slice(run.start if within.all() else run.stop - int(np.argmin(within[::-1])), run.stop), where)]
+def _held_by_keys(values: Float[ndarray, "frame 3"], span: slice) -> Float[ndarray, "_ 3"] | None:
+    """What a span that holds a key takes from it, one row or one a frame; None for one that holds none."""
+    at_start, at_target = span.start == 0, span.stop == len(values)
+    if at_start and at_target:
+        share = np.linspace(0.0, 1.0, len(values))[:, None]
+        return values[:1] + share**2 * (3.0 - 2.0 * share) * (values[-1:] - values[:1])
+    if at_start:
+        return values[:1]
+    return values[-1:] if at_target else None
 
 
-def _free(
-    positions: Float[ndarray, "frame 3"], run: slice, heights: tuple[float, float], settings: Settings
-) -> list[tuple[slice, Float[ndarray, "3"]]]:
-    """The mean place, on the floor if it is near; a contact that wanders farther than may be is cut at its ends."""
-    start, stop = run.start, run.stop
-    while stop - start >= settings.shortest:
-        where = positions[start:stop].mean(axis=0)
-        if where[1] < heights[1] + settings.above:
-            where[1] = np.clip(where[1], *heights)
-        way = np.linalg.norm(positions[start:stop] - where, axis=-1)
-        if way.max() <= settings.stretch:
-            return [(slice(start, stop), where)]
-        start, stop = (start + 1, stop) if way[0] >= way[-1] else (start, stop - 1)
-    return []
+def _beside_key(toe: Float[ndarray, "frame 3"], span: slice, settings: Settings) -> Float[ndarray, "3"]:
+    """The mean place of a stance that holds no key; the key's where the foot only just lands there or leaves it."""
+    mean = toe[span].mean(axis=0)
+    for key, since in ((0, span.start), (-1, len(toe) - span.stop)):
+        apart = np.linalg.norm((toe[key] - mean)[::2])
+        if since <= settings.shortest_swing and toe[key, 1] < settings.key_low and apart < _BESIDE:
+            return np.array([toe[key, 0], mean[1], toe[key, 2]])
+    return mean
 
 
-def _step(positions: Float[ndarray, "frame 3"], settings: Settings) -> list[tuple[slice, Float[ndarray, "3"]]]:
-    """Two contacts, at the start's place and at the target's, with time between them for a step."""
-    frames = len(positions)
-    apart = float(np.linalg.norm(positions[-1] - positions[0]))
-    from_start, to_target = (np.linalg.norm(positions - key, axis=-1) for key in (positions[0], positions[-1]))
-    turn = int(np.clip(np.count_nonzero(from_start < to_target), 1, frames - 1))
-    pause = int(np.clip(round(40.0 * apart), 4, max(4, frames // 2)))
-    first, second = slice(0, max(1, turn - pause // 2)), slice(min(frames - 1, turn + pause - pause // 2), frames)
-    return [*_near(positions, first, positions[0], settings), *_near(positions, second, positions[-1], settings)]
+def _kept(near: Bool[ndarray, "part"], span: slice, frames: int, shortest: int) -> Bool[ndarray, "part"]:
+    """The unbroken frames next to the keys that a stance holds, or the longest where it holds none."""
+    if near.all():
+        return near
+    kept = np.zeros_like(near)
+    if span.start == 0:
+        kept[: int(np.argmin(near))] = True
+    if span.stop == frames:
+        kept[len(near) - int(np.argmin(near[::-1])) :] = True
+    if span.start > 0 and span.stop < frames:
+        longest = max(spans(near), key=lambda s: s.stop - s.start, default=slice(0, 0))
+        kept[longest] = longest.stop - longest.start >= shortest
+    return kept
+
+
+def floor(heights: Float[ndarray, "*leg frame"], level: float) -> Float[ndarray, "*leg frame"]:
+    """The lowest allowed height in each frame: ``level``, or what a lower key comes from or goes to."""
+    away = np.arange(heights.shape[-1]) * RISE
+    return np.minimum(level, np.minimum(heights[..., :1] + away, heights[..., -1:] + away[::-1]))
 
 
 def eased(
@@ -151,7 +131,7 @@ def eased(
         count = np.count_nonzero(kept)
         for key, beside in ((0, 1), (last, last - 1)):
             kept[beside] &= held[key] or length[beside] <= settings.pace
-        for breach in _spans(~kept):
+        for breach in spans(~kept):
             left, right = breach.start - 1, breach.stop
             apart = np.linalg.norm(way[right] - way[left])
             if apart > settings.pace * (right - left):
@@ -160,12 +140,7 @@ def eased(
             return kept & held
 
 
-def _spans(mask: Bool[ndarray, "frame"]) -> list[slice]:
+def spans(mask: Bool[ndarray, "frame"]) -> list[slice]:
+    """The runs of frames in which the mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def overlap(a: slice, b: slice) -> slice | None:
-    """The frames that both have, or None."""
-    start, stop = max(a.start, b.start), min(a.stop, b.stop)
-    return slice(start, stop) if start < stop else None

@@ -3,12 +3,14 @@
 The network follows a path that it is shown (Chu and Yang 2024, section 4): drawn by the user, straight, or matched from
 the gallery. Of the trajectories that fit, the first variant takes the one nearest to where the network would lead the
 root by itself, so that a real trajectory with real timing stands in for an averaged one; further variants take others.
-Where nothing is known of paths, the network is left to itself and the plan says why. A model of method stitch has ways
-of its own, one for each latent, which measure better than the gallery's (docs/stitch.md): it is left to itself, too.
+Where nothing is known of paths, the network is left to itself and the plan says why. A model that foresees whole gaps
+has ways of its own, one for each latent, which measure better than the gallery's (docs/gallery.md): its first variant
+and every other one take those. One of method stitch is left to itself altogether.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +32,6 @@ from interpose.motion import Motion
 from interpose.runtime import blends, methods, rollout
 from interpose.runtime.poses import Path
 from interpose.runtime.session import Session
-from interpose.stitching import LONGEST_PLAN
 
 CLEARLY = 0.7
 """How many times as far from the network's own way a trajectory of another style may be, to be taken."""
@@ -120,13 +121,29 @@ def plans(session: Session, gallery: Gallery | None, gap: Gap, wish: Wish, count
         line = Plan(steps, paths.straight(gap.query, steps), "straight")
         return _shared([line] * count, session, wish)
     made: list[Plan] = []
-    if wish.path == "auto" and gallery is not None and session.follows_gallery:
+    if wish.path == "auto" and gallery is not None and session.foresees(steps):
+        made = _foreseen(session, gallery, gap, wish, steps, count)
+    elif wish.path == "auto" and gallery is not None and session.follows_gallery:
         try:
             made, note = _matched(session, gallery, gap, wish, steps, count)
         except Unreachable as error:
             note = f"{error}; the path is the model's own"
     made += [Plan(steps, note=note)] * (count - len(made))
     return _shared(made, session, wish)
+
+
+def _foreseen(session: Session, gallery: Gallery, gap: Gap, wish: Wish, steps: int, count: int) -> list[Plan]:
+    """Plans of a model that foresees whole gaps: its own ways first and by turns, trajectories of the gallery between.
+
+    The likeliest of its own measures better than the gallery's (docs/gallery.md), whose ways are further apart.
+    """
+    note = _too_fast(gallery, gap.query, steps)
+    others: list[Plan] = []
+    if count > 1 and note is None:
+        with suppress(Unreachable):
+            others = _matched(session, gallery, gap, wish, steps, count // 2)[0]
+    own = Plan(steps, note=note)
+    return [others[i // 2] if i % 2 and i // 2 < len(others) else own for i in range(count)]
 
 
 def _matched(
@@ -189,7 +206,7 @@ def _own_way(session: Session, gap: Gap, steps: int, wish: Wish) -> Path:
     start, goal = gap.context, gap.target
     context = start.root_positions[None], start.local_rotations[None]
     target = goal.root_positions[:1], goal.local_rotations[:1]
-    if session.plans and steps <= LONGEST_PLAN:
+    if session.foresees(steps):
         root = rollout.foreseen(session, context, target, steps - 1, wish.style, wish.strength)
     else:
         made = methods.generate_batch(session, *context, *target, steps - 1, style=[wish.style], strength=wish.strength)

@@ -78,6 +78,10 @@ class Session:
         """Whether a model of method dcmoe has a planner, along which it walks."""
         return self.method == "dcmoe" and "planner" in self.info
 
+    def foresees(self, steps: int) -> bool:
+        """Whether it has a planner for gaps of so many steps from start to target."""
+        return self.plans and steps <= stitching.LONGEST_PLAN
+
     @property
     def plan_latent(self) -> int:
         """The units of that planner's noise; 0 without one."""
