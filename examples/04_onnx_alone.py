@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -50,6 +51,20 @@ for part in np.linspace(0.0, 1.0, given.frames + 2):
 
 hips, rotations, positions, facing = pose(ends[0], locals_[0])
 target = pose(ends[1], locals_[1])
+style = 0 if given.style is None else 1 + info["styles"].index(given.style)
+style_weights = np.eye(len(info["styles"]) + 1)[style]
+if "planner" in info and given.frames < 92:  # what it foresees of the gap, added to interpolation at eight anchors
+    plan = onnxruntime.InferenceSession(given.folder / "plan.onnx", providers=["CPUExecutionProvider"])
+    known = {"steps": np.full(1, given.frames + 1), "style": style_weights, "path": np.zeros((8, 4))}
+    known |= {"path_known": np.zeros(1), "noise": np.zeros(info["planner"]["latent"])}
+    for end, key in (("start", (hips, rotations, positions)), ("target", target[:3])):
+        known |= {f"{end}_{name}": value for name, value in zip(("hips", "rotations", "positions"), key, strict=True)}
+        known |= {f"{end}_velocities": np.zeros((22, 3)), f"{end}_known": np.zeros(1)}
+    added = plan.run(["added"], {name: np.float32(value)[None] for name, value in known.items()})[0][0]
+    anchors = np.concatenate([np.zeros((1, 135)), added, np.zeros((1, 135))])
+    curve = CubicSpline(np.linspace(0.0, 1.0, 10), anchors, bc_type="natural")
+    base = list(np.array(base) + curve(np.linspace(0.0, 1.0, given.frames + 2)))
+
 state = {
     "hips": hips,
     "rotations": rotations,
@@ -60,12 +75,11 @@ state = {
     "phase_past": np.zeros((31, 10, 2)),
     "phase_future": np.zeros((6, 10, 2)),
 }
-style = 0 if given.style is None else 1 + info["styles"].index(given.style)
 control = {
     "target_hips": target[0],
     "target_rotations": target[1],
     "target_positions": target[2],
-    "style": np.eye(len(info["styles"]) + 1)[style],
+    "style": style_weights,
     "path": np.tile([hips[0], hips[2], *facing, 0.0, 0.0], (6, 1)) if info["absolute"] else np.zeros((6, 6)),
     "path_known": np.full(1, float(info["absolute"])),
 }

@@ -76,7 +76,7 @@ def test_samples_are_averaged_and_the_best_is_each_windows(case: Case) -> None:
 def test_the_best_follows_the_window() -> None:
     a = Scores(np.array([1.0, 4.0]), np.array([1.0, 2.0]))
     b = Scores(np.array([3.0, 1.0]), np.array([2.0, 1.0]))
-    best = stitch._best([a, b])
+    best = metrics.best([a, b])
     np.testing.assert_array_equal(best.total, [1.0, 1.0])
     np.testing.assert_array_equal(best.weight, [1.0, 1.0])
 

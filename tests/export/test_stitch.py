@@ -15,7 +15,7 @@ from stitch_learning import drawn, latent, situation
 from interpose import export as exporting
 from interpose import stitching
 from interpose.errors import InputError
-from interpose.export import onnx_file
+from interpose.export import onnx_file, plan
 from interpose.export import stitch as export
 from interpose.models.gap_plan import LONGEST
 from interpose.models.stitching_cvae import Memory
@@ -88,7 +88,7 @@ def test_model_json_says_what_the_model_is(stitch_folder, stitch_network):
     assert set(info["difference_from_torch"]) == {"plan", "front", "back"}
     for apart in info["difference_from_torch"].values():
         assert apart["as_exported"] < 1e-4
-        assert apart["as_stored"] <= export.TOLERANCE_STORED
+        assert apart["as_stored"] <= plan.TOLERANCE_STORED
     assert "mean_quaternions" not in info
 
 
@@ -108,7 +108,7 @@ def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
 def test_the_plan_says_what_torch_says(stitch_folder, stitch_network, frames, batch):
     ends = gaps.ends(frames, drawn(frames, batch, seed=batch))
     noise = torch.randn(batch, 16, generator=torch.Generator().manual_seed(0))
-    module, names = export.Plan(stitch_network.plan), [*stitching.ends_shapes(2), "noise"]
+    module, names = plan.Plan(stitch_network.plan), [*stitching.ends_shapes(2), "noise"]
     out = compare(stitch_folder / "plan.onnx", module, [*ends, noise], names)
     x, frame = stitch_network.plan(ends)
     z = stitch_network.plan.expect(x).at(noise)
@@ -153,7 +153,7 @@ def test_the_papers_form_says_what_torch_says(letter, frames, tmp_path):
     outputs = [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
     file = tmp_path / "front.onnx"
     apart = onnx_file.write(
-        module, file, lambda batch, seed: export.example(shapes, batch, seed), outputs, 1e-4, export.TOLERANCE_STORED
+        module, file, lambda batch, seed: onnx_file.example(shapes, batch, seed), outputs, 1e-4, plan.TOLERANCE_STORED
     )
     assert apart["as_exported"] < 1e-4
     for batch in (1, 5):
@@ -182,9 +182,9 @@ def test_examples_have_every_input(frames):
     for form in ("yaw", "paper"):
         network = {"form": form, "memory": 3, "decoder_memory": 4, "latent": 5, "planned": True, "latents": "gap"}
         for shapes in stitching.network_shapes(network, 2).values():
-            made = export.example(shapes, 7, 1)
+            made = onnx_file.example(shapes, 7, 1)
             assert {k: tuple(v.shape[1:]) for k, v in made.items()} == shapes
-            assert all(torch.equal(made[k], v) for k, v in export.example(shapes, 7, 1).items())
+            assert all(torch.equal(made[k], v) for k, v in onnx_file.example(shapes, 7, 1).items())
             assert all(float(made[k].min()) >= 2.0 for k in ("left", "steps") if k in made)
             assert torch.all(made["style"].sum(dim=1) == 1.0)
             if form == "paper" and "left" in made:
@@ -198,10 +198,10 @@ def test_an_onnx_file_of_another_network_is_refused(stitch_folder, stitch_networ
     content = (stitch_folder / "front.onnx").read_bytes()
 
     def inputs(batch, seed):
-        return export.example(shapes, batch, seed)
+        return onnx_file.example(shapes, batch, seed)
 
-    apart = onnx_file.check(export.Step(stitch_network.front), content, inputs, export.TOLERANCE_STORED)
-    assert apart <= export.TOLERANCE_STORED
+    apart = onnx_file.check(export.Step(stitch_network.front), content, inputs, plan.TOLERANCE_STORED)
+    assert apart <= plan.TOLERANCE_STORED
     with pytest.raises(InputError, match=r"the ONNX model's next_.* differs from torch's by"):
         onnx_file.check(export.Step(other.front), content, inputs, 0.05)
 

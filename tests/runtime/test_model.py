@@ -88,7 +88,7 @@ def test_an_unknown_model_is_refused(name):
 
 def test_an_undisturbed_stream_gives_the_frames_of_the_whole_roll_out(model):
     clip = walk(41)
-    start, target = clip[:5], clip[40]
+    start, target = clip[4], clip[40]  # with frames before it the stream would also carry their speed on
     root, local, _ = rollout.generate_batch(
         model.session,
         start.root_positions[None],
@@ -120,7 +120,8 @@ def test_the_target_and_the_time_may_change_on_the_way(model):
     root = np.concatenate([p.root_positions for p in poses])
     np.testing.assert_array_equal(root[60], clip.root_positions[80])
     np.testing.assert_array_equal(root[75], clip.root_positions[20])
-    assert np.linalg.norm(np.diff(root, axis=0), axis=-1).max() < 0.2, "no call makes the figure jump"
+    # Turned back by 2.6 m in half a second, while the old speed dies away.
+    assert np.linalg.norm(np.diff(root, axis=0), axis=-1).max() < 0.3, "no call makes the figure jump"
 
 
 def test_a_stream_refuses_what_it_cannot_serve(model):

@@ -13,6 +13,7 @@ import torch
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.export import stitch as exporting
+from interpose.export.plan import Plan
 from interpose.models.geometry import root_frame
 from interpose.motion import mirror
 from interpose.runtime import methods, planning, poses, rollout, stitched
@@ -50,7 +51,7 @@ def in_torch(monkeypatch, model):
     """Sessions answer by the torch modules themselves, exactly."""
     modules = {"front": exporting.Step(model.front), "back": exporting.Step(model.back)}
     if model.plan is not None:
-        modules["plan"] = exporting.Plan(model.plan)
+        modules["plan"] = Plan(model.plan)
 
     def run(self, name, feed):
         order = list(self.shapes[name])

@@ -269,6 +269,8 @@ def test_planners_that_cannot_be_taken(trained, network, stitch_network, tmp_pat
     for more in ({"plan_from": run}, {"plan_steps": 3}):
         with pytest.raises(InputError, match="preset 'tiny' has no planner"):
             trained(replace(SMALL, planner=None), **more)
+    with pytest.raises(InputError, match="a training on motion that runs backwards has no planner"):
+        trained(plan_from=run, backward=True)
     with pytest.raises(InputError, match="must be 0 or more, got -1"):
         trained(plan_steps=-1)
     assert not (tmp_path / "out").exists()

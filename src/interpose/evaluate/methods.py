@@ -169,7 +169,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
     A ``name`` that ends in ``+detail`` refines what it makes. Raises InputError where the model cannot.
     """
-    from interpose.runtime import session, stitched
+    from interpose.runtime import poses, session, stitched
 
     loaded = session.load(model)
     if name.endswith("+detail") and "stitch+detail" not in loaded.methods:

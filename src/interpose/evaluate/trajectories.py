@@ -145,9 +145,7 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
     """All rows of one length."""
     scale = gaps.positions.std(axis=(0, 1)) + 1e-6
     steps = gaps.frames + 1
-    base = poses.interpolation(
-        (gaps.root[:, 0], gaps.local[:, 0]), (gaps.root[:, -1], gaps.local[:, -1]), gaps.frames
-    )
+    base = poses.interpolation((gaps.root[:, 0], gaps.local[:, 0]), (gaps.root[:, -1], gaps.local[:, -1]), gaps.frames)
     six = base[:, 1:-1, 3:].reshape(len(gaps), gaps.frames, len(HUMANOID), 6)
     straight = kinematics.global_positions(base[:, 1:-1, :3], rotation.from_6d(six), HUMANOID.parents, HUMANOID.offsets)
     reference = _scores(gaps, straight, scale)

@@ -83,9 +83,12 @@ def _same_rows(layout: BvhLayout, motion: Motion) -> dict[int, int]:
     if not layout.rows:
         return {}
     values = parse_numbers(layout.rows).reshape(-1, layout.channel_count)
-    source = {row: frame for frame, row in enumerate(_pose_bytes(*decode(layout, values)))}
+    rows = _pose_bytes(*decode(layout, values))
+    source = {row: frame for frame, row in enumerate(rows)}
     poses = _pose_bytes(motion.root_positions, motion.local_rotations, motion.translations)
-    return {frame: source[row] for frame, row in enumerate(poses) if row in source}
+    # Two rows may tell one pose by different digits: a frame that has not moved keeps its own.
+    own = {frame: frame for frame, (row, pose) in enumerate(zip(rows, poses, strict=False)) if row == pose}
+    return {frame: source[row] for frame, row in enumerate(poses) if row in source} | own
 
 
 def _pose_bytes(

@@ -79,8 +79,11 @@ def train(
     loaded = [database.load(path) for path in data]
     chosen = config or PRESETS[preset]
     styles = tuple(sorted({s for d in loaded for s in d.styles}))
+    if backward:
+        chosen = replace(chosen, planner=None)  # two chains that meet cannot share a plan of one of them
     if chosen.planner is None and (plan_from is not None or plan_steps is not None):
-        raise InputError(f"preset {chosen.preset!r} has no planner; leave out what is asked of one")
+        kind = "a training on motion that runs backwards" if backward else f"preset {chosen.preset!r}"
+        raise InputError(f"{kind} has no planner; leave out what is asked of one")
     if plan_steps is not None and plan_steps < 0:
         raise InputError(f"the planner's updates must be 0 or more, got {plan_steps}")
     taken = None
@@ -90,8 +93,6 @@ def train(
         chosen = replace(chosen, plan_from=plan_from.name)
     if plan_steps is not None:
         chosen = replace(chosen, planning=replace(chosen.planning, steps=plan_steps))
-    if backward:
-        chosen = replace(chosen, planner=None)  # two chains that meet cannot share a plan of one of them
     if chosen.planner is not None:
         chosen = replace(chosen, planner=replace(chosen.planner, styles=len(styles)))
     if foreign_keys is not None:

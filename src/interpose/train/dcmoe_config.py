@@ -47,7 +47,7 @@ class Config:
     """of each joint of such a row"""
     half: bool = True
     """bfloat16 products"""
-    sampling: Sampling = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=lambda: Sampling(far=0.05))
     weights: losses.Weights = field(default_factory=losses.Weights)
     seed: int = 0
     databases: tuple[str, ...] = ()
@@ -103,7 +103,6 @@ PRESETS: dict[str, Config] = {
             phase_known_inside=1.0,
             rotation_noise=0.0,
             hips_noise=0.0,
-            far=0.0,
         ),
     ),
 }

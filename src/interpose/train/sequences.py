@@ -100,7 +100,7 @@ class Sampling:
     """metres"""
     longest: int = LONGEST
     """frames from start to target at most"""
-    far: float = 0.05
+    far: float = 0.0
     """of gaps beyond that, up to :data:`FARTHEST`"""
     target_velocity: float = 0.3
     """known to a plan; the start's is where the frames before it are, or, from inside a gap, as often"""
