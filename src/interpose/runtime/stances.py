@@ -44,7 +44,7 @@ class Settings:
     each metre of its step and at most. folded: the longest correction as a share of the way from hip to ankle.
     """
 
-    trust: float = 0.6
+    trust: float = 1.0
     loose: float = 0.06
     loose_key: float = 0.12
     shortest: int = 3
@@ -56,7 +56,7 @@ class Settings:
     high_most: float = 1.5
     lift_scale: float = 0.03
     slow: float = 0.005
-    slow_cost: float = 2.0
+    slow_cost: float = 3.3
     change: float = 2.0
     long: int = 20
     long_cost: float = 0.2
@@ -69,7 +69,7 @@ class Settings:
     heel_first: int = 3
     toe_heights: tuple[float, float] = (0.0, 0.02)
     ankle_heights: tuple[float, float] = (0.06, 0.09)
-    above: float = 0.06
+    above: float = 0.1
     decay: float = 8.0
     clear: float = 0.03
     arch: float = 0.04
