@@ -197,7 +197,7 @@ def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, 
         frames = SHEET_LENGTHS[number % len(SHEET_LENGTHS)]
         windows = lafan1.cut(source.clips, lafan1.window_length(frames))
         at = (number * len(windows)) // SHEETS
-        one = lafan1.Windows(*(_row(getattr(windows, name), at) for name in lafan1.Windows.__dataclass_fields__))
+        one = windows.one(at)
         case = Case(one, frames, source.scale)
         root, local = _filled(case, carrier, model, None)
         true = Motion(one.skeleton, one.root[0], one.local[0], one.rate)[case.start : case.target + 1]
@@ -209,7 +209,3 @@ def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, 
         written.append(out / f"gaps-{page // 10 + 1}.png")
         sheet.contact_sheet(written[-1], rows[page : page + 10])
     return written
-
-
-def _row(value: object, at: int) -> object:
-    return value[at : at + 1] if isinstance(value, ndarray) else value

@@ -57,6 +57,12 @@ class Windows:
     def __len__(self) -> int:
         return len(self.root)
 
+    def one(self, at: int) -> Windows:
+        """That window alone."""
+        only = slice(at, at + 1)
+        arrays = self.root, self.local, self.rotations, self.positions
+        return Windows(self.skeleton, self.rate, *(array[only] for array in arrays))
+
 
 @dataclass(frozen=True, eq=False)
 class Data:

@@ -19,7 +19,7 @@ from interpose.runtime.stances import Settings
 _OFF = np.array([0.0, 0.6, 0.9, 1.0])
 """How much of the clearance a toe has so many frames from where it stands."""
 _OFF_KEY = np.array([0.0, 0.04, 0.15, 0.31, 0.5, 0.69, 0.85, 0.96, 1.0])
-"""The same from a key in which the foot already swings."""
+"""The same from a key in which the foot does not rest."""
 _LEAD = (0.1, 0.2, 0.4, 0.2, 0.1)
 """Shares of the toe's lift in this frame and the next ones in that of the heel."""
 _AFTER_KEY = np.array([0.0, 0.25, 0.75, 1.0])
@@ -61,8 +61,8 @@ def lifted(
 ) -> Float[ndarray, "leg frame"]:
     """The toes' heights, raised where they swing too low; unchanged where ``held`` and at the keys.
 
-    A toe has the clearance within two frames of leaving its place, and on a long step an arch above that. From a key
-    in which it swings already it rises more slowly.
+    A toe has the clearance within two frames of leaving its place, and on a long step that drags an arch above that.
+    From a key in which it does not rest it rises more slowly.
     """
     legs, frames = held.shape
     anchor = held.copy()
@@ -78,8 +78,11 @@ def lifted(
     arch = drags * np.minimum(settings.arch * way, settings.arch_most) * np.sin(np.pi * share) ** 2
     clear = settings.clear + floor(toes[..., 1], 0.0)
     least = clear + arch
+    rests = held.copy()
+    rests[:, 0] &= held[:, 1]
+    rests[:, -1] &= held[:, -2]
     for at, count in ((before, number - before), (after, after - number)):
-        off = np.where(held[row, at], _table(_OFF, count), _table(_OFF_KEY, count))
+        off = np.where(rests[row, at], _table(_OFF, count), _table(_OFF_KEY, count))
         least -= np.maximum(clear[row, at] - toes[row, at, 1], 0.0) * (1.0 - off)
     height = toes[..., 1]
     near = np.maximum(_SOFT - np.abs(height - least), 0.0)
