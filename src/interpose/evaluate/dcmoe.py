@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from numpy import ndarray
-
 from interpose.errors import InputError
 from interpose.evaluate import lafan1, metrics, run, tables
 from interpose.evaluate.methods import INTERP, Batch, Carrier, planted
