@@ -10,13 +10,14 @@ from interpose.features import RATE
 from interpose.models import discriminator
 from interpose.models.discriminator import Discriminators
 from interpose.models.gap_plan import POSE, Normal, divergence
-from interpose.models.geometry import joint_positions, to_matrix, to_six
+from interpose.models.geometry import to_matrix
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import StitchingCVAE
 from interpose.stitching import seam
 from interpose.train import gaps, stitch_losses
 from interpose.train.frames import Frames
 from interpose.train.gaps import Motion, Sampling
+from interpose.train.planning import Anchors, reconstruction, weighed
 from interpose.train.stitch_config import Config
 from interpose.train.stitch_gaps import made_gaps, true_motion
 
@@ -75,21 +76,14 @@ def plan_loss(
     q, p = plan.recognise(x, frame, residual), plan.expect(x)
     noise = torch.randn(q.mean.shape, generator=generator, device=device)
     added = plan.decode(x, frame, q.at(noise))
-    made = base + added
-    matrices = to_matrix(made[..., 3:].unflatten(-1, (22, 6)))
-    positions = joint_positions(made[..., :3].flatten(0, 1), matrices.flatten(0, 1)).unflatten(0, made.shape[:2])
-    true = gaps.between(data.positions, drawn, parts[0])
-    turned = gaps.between(data.rotations, drawn, parts[0])
-    keys = data.positions[drawn.start][:, None], data.positions[drawn.target][:, None]
-    step, true_step = (torch.cat([keys[0], x, keys[1]], dim=1).diff(dim=1) for x in (positions, true))
+    true = Anchors(
+        gaps.between(data.hips, drawn, parts[0]),
+        gaps.between(data.rotations, drawn, parts[0]),
+        gaps.between(data.positions, drawn, parts[0]),
+    )
+    each = reconstruction(base + added, true, (data.positions[drawn.start], data.positions[drawn.target]))
     nats = divergence(q, p).sum(dim=-1).mean()
-    each = {
-        "plan position": (positions - true).abs().mean(),
-        "plan rotation": (to_six(matrices) - turned).abs().mean(),
-        "plan displacement": (step - true_step).abs().mean(),
-        "nats": nats,
-    }
-    total = 3.0 * each["plan position"] + each["plan rotation"] + 2.0 * each["plan displacement"]
+    total, each = weighed(each), each | {"nats": nats}
     return total + config.weights.divergence * nats, each
 
 
