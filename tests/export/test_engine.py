@@ -155,7 +155,7 @@ def test_the_example_in_rust_gives_what_a_stream_gives(folder, tmp_path):
     if cargo is None:
         pytest.skip("needs cargo, Rust's package manager")
     target = EXAMPLE.parents[1] / "build" / "engine-target"
-    built = [cargo, "build", "--release", "--locked", "--quiet", "--manifest-path", str(EXAMPLE / "Cargo.toml")]
+    built = [cargo, "build", "--release", "--quiet", "--manifest-path", str(EXAMPLE / "Cargo.toml")]
     done = subprocess.run([*built, "--target-dir", str(target)], capture_output=True, text=True)
     if done.returncode and "error[" not in done.stderr:
         pytest.skip(f"the example's crates cannot be had here: {done.stderr.strip().splitlines()[-1]}")

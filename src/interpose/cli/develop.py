@@ -136,7 +136,7 @@ def evaluate_dcmoe(data: str, methods: str, out: str, seed: int) -> int:
         methods.split(","),
         folder,
         seed=seed,
-        progress=lambda message: print(message, file=sys.stderr, flush=True),
+        progress=_say,
     )
     return _show(folder)
 

@@ -93,7 +93,7 @@ class Session:
         return "target" in self.info
 
     @property
-    def latent(self) -> int:
+    def target_latent(self) -> int:
         """The units of that network's noise."""
         return int(self.info["target"]["latent"])
 
@@ -103,7 +103,7 @@ class Session:
         styles = len(self.styles)
         if self.method != "stitch":
             step = state_shapes() | control_shapes(styles)
-            more = {"target": target_shapes(styles, self.latent)} if self.completes else {}
+            more = {"target": target_shapes(styles, self.target_latent)} if self.completes else {}
             if self.plans:
                 more["plan"] = stitching.plan_shapes(self.plan_latent, styles)
             return {"step": step} | ({"back": step} if "backward" in self.info else {}) | more

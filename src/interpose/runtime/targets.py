@@ -155,9 +155,9 @@ def _foreseen(
         at = aim.positions[0, list(parts.joints) or [0]].mean(axis=0)
         away = float(np.linalg.norm((at - known.hips[-1])[[0, 2]]))
         frames = int(np.clip(away / PACE * RATE, 15.0, 90.0))
-    noise = np.zeros((count, session.latent))
+    noise = np.zeros((count, session.target_latent))
     for row in range(0 if wish.seed else 1, count):
-        noise[row] = TEMPERATURE * np.random.default_rng((wish.seed, row)).standard_normal(session.latent)
+        noise[row] = TEMPERATURE * np.random.default_rng((wish.seed, row)).standard_normal(session.target_latent)
     one = {
         "start_hips": known.hips[-1:],
         "start_rotations": known.rotations[-1:],
