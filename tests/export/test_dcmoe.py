@@ -178,3 +178,11 @@ def test_an_export_that_fails_leaves_the_old_model(network, tmp_path, monkeypatc
     assert exporting.export(run, out, name="Newer") == out
     assert json.loads((out / "model.json").read_text())["name"] == "Newer"
     assert (out / "step.onnx").read_bytes() == b"new"
+
+
+def test_a_model_with_a_planner_takes_no_backward_network(planned_folder, model_folder, network, tmp_path):
+    run = learning.write_run(tmp_path / "run", network, replace(learning.CONFIG, backward=True))
+    with pytest.raises(InputError, match="has a planner; stitch with networks that have none"):
+        exporting.export(run, tmp_path / "out", onto=str(planned_folder))
+    assert not (tmp_path / "out").exists()
+    assert exporting.export(run, tmp_path / "out", onto=str(model_folder)).exists()

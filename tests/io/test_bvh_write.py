@@ -48,6 +48,15 @@ def test_an_unchanged_motion_gives_the_same_bytes(two_joints: str) -> None:
     assert bvh.serialize(bvh.parse(text, "clip")) == text
 
 
+def test_rows_of_one_pose_keep_their_own_digits(two_joints: str) -> None:
+    head, (_, row) = two_joints[: two_joints.index("Frame Time")], rows_of(two_joints.encode())
+    first, *rest = row.split()
+    other = " ".join([f"{float(first):.9f}", *rest])  # the same pose in other digits
+    text = f"{head}Frame Time: 0.04\n{other}\n{row}\n".encode()
+    assert other != row
+    assert bvh.serialize(bvh.parse(text, "clip")) == text
+
+
 def test_cuts_and_joins_keep_the_rows_of_their_frames(humanoid_text: Callable[..., str]) -> None:
     text = humanoid_text(12)
     clip, rows = bvh.parse(text.encode(), "clip"), rows_of(text.encode())

@@ -192,3 +192,25 @@ def test_a_way_of_another_style_is_taken_where_it_is_clearly_nearer_to_the_netwo
     taken = guidance._of_any_style(gallery, gap.query, gap.ends, far, near.path, 0)
     assert paths.apart(taken.path, near.path) < 0.1
     assert guidance._of_any_style(gallery, gap.query, gap.ends, near, near.path, 0) is near
+
+
+def test_a_model_that_foresees_gaps_goes_its_own_way_first_and_by_turns(planned_session, gallery):
+    gap = gap_of()
+    made = plans(planned_session, gallery, gap, Wish(46), 4)
+    assert [plan.trajectory for plan in made] == ["model", made[1].trajectory, "model", made[3].trajectory]
+    assert {made[1].trajectory, made[3].trajectory} <= {"matched", "composed"}
+    assert not np.array_equal(made[1].path, made[3].path)
+    (alone,) = plans(planned_session, gallery, gap, Wish(46), 1)
+    assert (alone.path, alone.note) == (None, None)
+
+
+def test_beyond_what_a_planner_knows_the_gallery_leads(planned_session, gallery):
+    gap = gap_of(frames=100)
+    assert plans(planned_session, gallery, gap, Wish(92), 1)[0].trajectory == "model"
+    assert plans(planned_session, gallery, gap, Wish(93), 1)[0].trajectory != "model"
+
+
+def test_a_time_too_short_is_told_by_a_model_that_foresees_gaps_too(planned_session, gallery):
+    (made,) = plans(planned_session, gallery, gap_of(frames=100), Wish(3), 1)
+    assert made.trajectory == "model"
+    assert "m/s, and the fastest trajectory" in made.note
