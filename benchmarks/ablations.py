@@ -21,8 +21,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from interpose import export
 from interpose.evaluate.stitch import evaluate_stitch
 from interpose.evaluate.tables import Row
-from interpose.train import stitch
-from interpose.train.stitch_config import PRESETS, Part, ablations
+from interpose.train.stitch import recipe
+from interpose.train.stitch.config import PRESETS, Part, ablations
 
 FRAMES = 50
 SHOWN = (
@@ -81,7 +81,7 @@ def main() -> None:
         run, model = asked.out / "runs" / label(name), asked.out / "models" / label(name)
         print(f"{name}: training", file=sys.stderr)
         plan = None if name == "as printed" else asked.plan
-        stitch.train([asked.db], run, plan_from=plan, config=rows[name])
+        recipe.train([asked.db], run, plan_from=plan, config=rows[name])
         if not (model / "model.json").exists():
             export.export(run, model)
         methods.append(f"{label(name)}={model}")

@@ -24,9 +24,10 @@ import torch
 from interpose.data import database
 from interpose.export.dcmoe import model_of
 from interpose.io.files import write_whole
-from interpose.train import checkpoint, dcmoe, validation
-from interpose.train.dcmoe_config import PRESETS, Config, Stage
-from interpose.train.frames import Frames, divided
+from interpose.train.common import checkpoint
+from interpose.train.common.frames import Frames, divided
+from interpose.train.dcmoe import recipe, validation
+from interpose.train.dcmoe.config import PRESETS, Config, Stage
 
 SHOWN = ("valid/15", "valid/30", "valid/60", "valid/90", "path/30", "path/90", "jerk/30", "jerk/90")
 HEADS = ("15", "30", "60", "90", "true path, 30", "90", "jerk / truth, 30", "90")
@@ -77,7 +78,7 @@ def measured(run: Path, held_out: Frames) -> list[float]:
         with torch.no_grad():
             model.network.experts[2].linear.weight.zero_()
             model.network.experts[2].linear.bias.zero_()
-    found = validation.ratios(model, held_out, dcmoe.PRESETS["small"].sampling)
+    found = validation.ratios(model, held_out, recipe.PRESETS["small"].sampling)
     return [found[name] for name in SHOWN]
 
 
@@ -105,7 +106,7 @@ def main() -> None:
             config = change(ours)
             phases = None if asked.phases is None or name == "phases unknown" else [asked.phases]
             plan = asked.plan if config.planner is not None else None
-            dcmoe.train([asked.db], run, config=config, phases=phases, seed=seed, plan_from=plan)
+            recipe.train([asked.db], run, config=config, phases=phases, seed=seed, plan_from=plan)
             found.append(measured(run, held_out))
         each = np.array(found)
         cells = [f"{m:.3f} ± {s:.3f}" for m, s in zip(each.mean(axis=0), np.ptp(each, axis=0) / 2.0, strict=True)]

@@ -19,8 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from interpose import export
 from interpose.evaluate.stitch import evaluate_stitch
-from interpose.train import dcmoe
-from interpose.train.dcmoe import PRESETS, Stage
+from interpose.train.dcmoe import recipe
+from interpose.train.dcmoe.recipe import PRESETS, Stage
 
 
 def main() -> None:
@@ -33,7 +33,7 @@ def main() -> None:
     config = replace(PRESETS["small"], planner=None, stages=stages, average=0.99, warmup=50)
     runs, models = asked.out / "runs", asked.out / "models"
     for name, backward in (("front", False), ("back", True)):
-        dcmoe.train([asked.db], runs / name, config=config, backward=backward)
+        recipe.train([asked.db], runs / name, config=config, backward=backward)
     one = export.export(runs / "front", models / "one")
     two = export.export(runs / "back", models / "two", onto=one)
     evaluate_stitch(asked.lafan1, ["interp", f"one={one}", f"two={two}"], asked.out)

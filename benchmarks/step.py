@@ -32,9 +32,10 @@ import onnxruntime
 from interpose import retarget, rotation
 from interpose.features import control_shapes, state_shapes
 from interpose.motion import Motion
-from interpose.runtime import feet, guidance, inbetween, inertia, methods, transition
+from interpose.runtime import guidance, inbetween, inertia, methods, transition
+from interpose.runtime.feet import lock
+from interpose.runtime.model_folder import Session, load
 from interpose.runtime.request import Request
-from interpose.runtime.session import Session, load
 from interpose.skeleton import HUMANOID
 
 FRAMES, VARIANTS, SEED = 60, 8, 1
@@ -45,12 +46,13 @@ Call = Callable[[], object]
 def random_model(preset: str, folder: Path) -> Path:
     """The folder of a network of random weights, of the size of that preset and 100 styles."""
     from interpose import export
-    from interpose.train import checkpoint, dcmoe, loop
+    from interpose.train.common import checkpoint, loop
+    from interpose.train.dcmoe import recipe
 
-    config = replace(dcmoe.PRESETS[preset], styles=tuple(f"Style {i}" for i in range(100)))
+    config = replace(recipe.PRESETS[preset], styles=tuple(f"Style {i}" for i in range(100)))
     if config.planner is not None:
         config = replace(config, planner=replace(config.planner, styles=len(config.styles)))
-    model = dcmoe.DCMoE(dcmoe.size_of(asdict(config)))
+    model = recipe.DCMoE(recipe.size_of(asdict(config)))
     run = folder / f"run-{preset}"
     run.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
@@ -115,7 +117,7 @@ def parts_timed() -> Iterator[dict[str, float]]:
     watched = [
         ("network", Session, "run"),
         ("base, states and rotations", methods, "generate_batch"),
-        ("feet", feet, "plant_batch"),
+        ("feet", lock, "plant_batch"),
         ("velocities at the keys", inertia, "leave"),
         ("velocities at the keys", inertia, "arrive"),
         ("resampling", transition, "to_user_rate"),

@@ -19,7 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from step import gap_rows
 
-from interpose.runtime.session import load
+from interpose.runtime.model_folder import load
 
 FRAMES = 48
 
@@ -28,8 +28,8 @@ def random_model(preset: str, folder: Path) -> Path:
     """The folder of a model of random weights, of the size of that preset and 100 styles."""
     from interpose import export
     from interpose.models.stitching_cvae import StitchingCVAE
-    from interpose.train import checkpoint, loop
-    from interpose.train.stitch_config import PRESETS
+    from interpose.train.common import checkpoint, loop
+    from interpose.train.stitch.config import PRESETS
 
     config = PRESETS[preset]
     styles = tuple(f"Style {i}" for i in range(100))

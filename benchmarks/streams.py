@@ -27,9 +27,9 @@ from step import feed, random_model, seconds
 from interpose import rotation
 from interpose.demo import poses
 from interpose.motion import Motion, concatenate
-from interpose.runtime.session import Session, load
-from interpose.runtime.stream import Stream
-from interpose.runtime.streams import Streams
+from interpose.runtime.model_folder import Session, load
+from interpose.runtime.streaming.stream import Stream
+from interpose.runtime.streaming.streams import Streams
 from interpose.skeleton import HUMANOID, Skeleton
 
 CROWDS = (1, 8, 64)

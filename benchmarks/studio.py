@@ -25,9 +25,9 @@ import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
 from interpose.io import bvh
-from interpose.studio import wire
+from interpose.studio import messages
+from interpose.studio.pose_rows import of_motion
 from interpose.studio.protocol import ASKED, TOLD
-from interpose.studio.rows import of_motion
 from interpose.studio.sample import sample
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -118,15 +118,15 @@ def _ask(
             "variants": variants,
             "seed": 1,
             "live": live,
-            "arrays": wire.shapes(ends),
+            "arrays": messages.shapes(ends),
         }
     )
     began = time.perf_counter()
-    socket.send(wire.pack(asked, ends))
+    socket.send(messages.pack(asked, ends))
     data = socket.recv()
     seconds = time.perf_counter() - began
     assert isinstance(data, bytes)
-    header, _ = wire.unpack(data, TOLD)
+    header, _ = messages.unpack(data, TOLD)
     assert header.type == "candidates", header
     return 1000 * seconds
 

@@ -20,7 +20,7 @@ from interpose.data import database
 from interpose.data.split import training_ranges
 from interpose.motion import concatenate
 from interpose.render import Row, contact_sheet
-from interpose.runtime import targets
+from interpose.runtime import target_parts
 
 VARIANTS = 8
 SHOWN = 5
@@ -45,18 +45,18 @@ def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
         given, figures, rows = parts.parse(group), [], []
         unreached = 0
         for start, target, steps in drawn:
-            wish = targets.Wish(steps)
+            wish = target_parts.Wish(steps)
             began = time.perf_counter()
-            (likeliest,) = targets.complete(start, target, given, session, mapping, wish)
+            (likeliest,) = target_parts.complete(start, target, given, session, mapping, wish)
             took = time.perf_counter() - began
-            (carried,) = targets.complete(start, target, given, None, mapping, wish)
-            others = targets.complete(start, target, given, session, mapping, replace(wish, seed=1), VARIANTS - 1)
+            (carried,) = target_parts.complete(start, target, given, None, mapping, wish)
+            others = target_parts.complete(start, target, given, session, mapping, replace(wish, seed=1), VARIANTS - 1)
             true, free = target.global_positions()[0], ~given.known
             wrong = [
                 100.0 * np.linalg.norm(e.pose.global_positions()[0] - true, axis=-1)[free].mean()
                 for e in (carried, likeliest, *others)
             ]
-            miss = targets.missed(likeliest.pose, target, given, mapping)
+            miss = target_parts.missed(likeliest.pose, target, given, mapping)
             unreached += likeliest.note is not None
             low = min(0.0, float(true[:, 1].min())) - likeliest.pose.global_positions()[0, :, 1].min()
             if likeliest.note is not None:

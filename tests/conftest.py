@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from interpose.data.database import Database
     from interpose.models.dcmoe import DCMoE
     from interpose.models.stitching_cvae import StitchingCVAE
-    from interpose.runtime.session import Session
-    from interpose.train.frames import Frames
+    from interpose.runtime.model_folder import Session
+    from interpose.train.common.frames import Frames
 
 # The same examples on every run and every machine, and no time limit: a test fails for its content alone.
 settings.register_profile("interpose", derandomize=True, deadline=None, max_examples=60)
@@ -97,7 +97,7 @@ def model_folder(network: DCMoE, tmp_path_factory: pytest.TempPathFactory) -> Pa
 @pytest.fixture(scope="session")
 def session(model_folder: Path) -> Session:
     """The exported network, loaded."""
-    from interpose.runtime.session import load
+    from interpose.runtime.model_folder import load
 
     return load(model_folder)
 
@@ -125,7 +125,7 @@ def planned_folder(planned_network: DCMoE, tmp_path_factory: pytest.TempPathFact
 @pytest.fixture(scope="session")
 def planned_session(planned_folder: Path) -> Session:
     """The exported network, loaded."""
-    from interpose.runtime.session import load
+    from interpose.runtime.model_folder import load
 
     return load(planned_folder)
 

@@ -21,19 +21,21 @@ from interpose.data import database, root
 from interpose.data.database import ClipArrays, ClipInfo, Database
 from interpose.features import CHANNELS, RATE
 from interpose.models.dcmoe import Control, DCMoE
-from interpose.models.gap_plan import GapPlan, PlanSize
 from interpose.models.layers import Residual
+from interpose.models.planner import GapPlan, PlanSize
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
-from interpose.train import checkpoint, dcmoe, loop, planning
-from interpose.train.dcmoe_config import size_of
-from interpose.train.frames import Frames, load_frames
-from interpose.train.sequences import Rows, Truth, base_window, control, poses, truth
+from interpose.train.common import checkpoint, loop
+from interpose.train.common.frames import Frames, load_frames
+from interpose.train.dcmoe import recipe
+from interpose.train.dcmoe.config import size_of
+from interpose.train.dcmoe.sequences import Rows, Truth, base_window, control, poses, truth
+from interpose.train.planner import objective
 
 STYLES = ("Old", "Young")
 LENGTHS = (150, 90, 120)
 """Frames of the clips: Old, Young, Old."""
-CONFIG = dcmoe.Config(
+CONFIG = recipe.Config(
     preset="tiny",
     experts=2,
     hidden=16,
@@ -102,7 +104,7 @@ def frames_of(data: Database) -> Frames:
     return load_frames(data, phases_of(data), list(STYLES), [(int(a), int(b)) for a, b in data.ranges])
 
 
-def network_for(data: Frames, absolute: bool = False, config: dcmoe.Config = CONFIG) -> DCMoE:
+def network_for(data: Frames, absolute: bool = False, config: recipe.Config = CONFIG) -> DCMoE:
     """A loud network of random weights, its features normalised for ``data``."""
     torch.manual_seed(3)
     model = DCMoE(replace(size_of(asdict(config)), absolute=absolute))
@@ -113,8 +115,8 @@ def network_for(data: Frames, absolute: bool = False, config: dcmoe.Config = CON
     generator = torch.Generator().manual_seed(0)
     if model.planner is not None:
         _wake(model.planner)
-        planning.set_statistics(model.planner, data, config.sampling, generator, count=512)
-    dcmoe.set_statistics(model, data, config, generator, count=512)
+        objective.set_statistics(model.planner, data, config.sampling, generator, count=512)
+    recipe.set_statistics(model, data, config, generator, count=512)
     return model.eval().requires_grad_(False)
 
 
@@ -136,7 +138,7 @@ def silence(model: DCMoE) -> DCMoE:
     return model
 
 
-def write_run(folder: Path, model: DCMoE, config: dcmoe.Config = CONFIG, step: int = 20) -> Path:
+def write_run(folder: Path, model: DCMoE, config: recipe.Config = CONFIG, step: int = 20) -> Path:
     """A run folder as a training of ``model`` leaves it."""
     folder.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}

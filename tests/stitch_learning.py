@@ -19,11 +19,11 @@ from interpose.features import RATE
 from interpose.models.layers import Residual
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, Size, StitchingCVAE
-from interpose.train import checkpoint, gaps, loop
-from interpose.train.frames import Frames
-from interpose.train.gaps import Sampling
-from interpose.train.stitch_config import LETTER, PRESETS, Config
-from interpose.train.stitch_gaps import set_statistics
+from interpose.train.common import checkpoint, gaps, loop
+from interpose.train.common.frames import Frames
+from interpose.train.common.gaps import Sampling
+from interpose.train.stitch.config import LETTER, PRESETS, Config
+from interpose.train.stitch.transitions import set_statistics
 
 T = TypeVar("T", bound=tuple)
 _TINY = PRESETS["tiny"]

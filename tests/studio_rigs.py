@@ -14,8 +14,8 @@ from interpose.demo import poses
 from interpose.io import bvh
 from interpose.motion import Motion, concatenate
 from interpose.skeleton import HUMANOID, Skeleton
+from interpose.studio.messages import shapes
 from interpose.studio.rigs import Clip, Shelf
-from interpose.studio.wire import shapes
 
 PORT = 8360
 HOST = {"host": f"127.0.0.1:{PORT}"}

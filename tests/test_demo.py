@@ -9,13 +9,13 @@ from rich.console import Console
 
 from interpose import InputError, Motion, rotation
 from interpose.demo import poses, run, scenes
-from interpose.figure import figure
 from interpose.io import bvh
+from interpose.mannequin import figure
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
 from interpose.runtime.model import Model
+from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
-from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, MIRROR
 
 NAMES = [name for name, value in vars(poses).items() if isinstance(value, poses.Pose)]

@@ -15,9 +15,9 @@ import interpose
 from interpose.features import state_shapes
 from interpose.gallery.store import save
 from interpose.rotation import IDENTITY, from_rotation_vector
-from interpose.runtime import planning
-from interpose.runtime.rollout import generate_batch
-from interpose.runtime.session import Session, installed, load
+from interpose.runtime import planner
+from interpose.runtime.backends.dcmoe import generate_batch
+from interpose.runtime.model_folder import Session, installed, load
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -81,7 +81,7 @@ def test_onnx_alone_agrees_with_the_package(tmp_path, monkeypatch):
     local = np.tile(IDENTITY, (2, 1, 22, 1))
     local[1, 0, 0] = from_rotation_vector(np.array([0.0, np.pi / 2.0, 0.0]))
     session = load(folder)
-    monkeypatch.setattr(planning, "plan", plainly)
+    monkeypatch.setattr(planner, "plan", plainly)
     hips, _, contacts = generate_batch(session, places[:1], local[:1], places[1], local[1], frames=20)
     with np.load(out) as made:
         np.testing.assert_allclose(made["hips"], hips[0], atol=1e-4)

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from interpose import InputError, Motion, Skeleton, render, rotation
-from interpose.figure import figure
+from interpose.mannequin import figure
 from interpose.render import drawing
 from interpose.render.cast import cast
 from interpose.skeleton import HUMANOID

@@ -14,7 +14,7 @@ from pathlib import Path
 import onnxruntime
 
 from interpose.export.engine import write_engine
-from interpose.runtime.session import load
+from interpose.runtime.model_folder import load
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--model", help="an installed model's name or a folder")

@@ -10,7 +10,7 @@ from commandline import bvh_text
 
 from interpose.cli import main
 from interpose.features import state_shapes
-from interpose.runtime.session import Session
+from interpose.runtime.model_folder import Session
 
 
 @pytest.fixture

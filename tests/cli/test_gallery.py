@@ -218,10 +218,10 @@ def test_plot_draws_the_papers_figures(run, gallery, tmp_path):
 
 
 def test_evaluate_gallery(run, gallery, walks, model_folder, tmp_path, monkeypatch):
-    from interpose.evaluate import trajectories
+    from interpose.evaluate import gallery as protocol
 
-    monkeypatch.setattr(trajectories, "VARIED", 1)
-    monkeypatch.setattr(trajectories, "MOST", 4)
+    monkeypatch.setattr(protocol, "VARIED", 1)
+    monkeypatch.setattr(protocol, "MOST", 4)
     status, said, err = run(
         "evaluate", "gallery", "--data", walks, "--gallery", gallery, "--model", model_folder, "-o", tmp_path / "out"
     )

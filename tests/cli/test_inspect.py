@@ -2,7 +2,7 @@
 
 import json
 
-from interpose.runtime import session
+from interpose.runtime import model_folder
 
 
 def test_info_shows_the_mapping(run, clip):
@@ -43,7 +43,7 @@ def test_info_says_what_a_rig_lacks(tmp_path, run):
 
 
 def test_models_lists_what_is_installed(run, model, monkeypatch):
-    monkeypatch.setattr(session, "INSTALLED", model.parent)
+    monkeypatch.setattr(model_folder, "INSTALLED", model.parent)
     status, out, err = run("models")
     assert (status, err) == (0, "")
     assert "swaying: method dcmoe, 30 Hz" in out
@@ -55,13 +55,13 @@ def test_models_lists_what_is_installed(run, model, monkeypatch):
 
 
 def test_an_installed_model_is_called_by_its_name(tmp_path, run, clip, model, monkeypatch):
-    monkeypatch.setattr(session, "INSTALLED", model.parent)
+    monkeypatch.setattr(model_folder, "INSTALLED", model.parent)
     status, out, _ = run("fill", clip, "--keys", "0,50", "--model", "swaying", "--json", "-o", tmp_path / "out.bvh")
     assert (status, json.loads(out)["method"]) == (0, "dcmoe")
 
 
 def test_no_model_is_installed(tmp_path, run, monkeypatch):
-    monkeypatch.setattr(session, "INSTALLED", tmp_path)
+    monkeypatch.setattr(model_folder, "INSTALLED", tmp_path)
     status, out, err = run("models")
     assert (status, out) == (0, "")
     assert "no model is installed" in err

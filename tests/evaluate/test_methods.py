@@ -7,9 +7,9 @@ from interpose import rotation
 from interpose.evaluate import lafan1
 from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, from_model
 from interpose.motion import Motion
-from interpose.runtime import methods, session
+from interpose.runtime import methods, model_folder
+from interpose.runtime.backends.dcmoe import continued
 from interpose.runtime.interpolate import interpolate
-from interpose.runtime.rollout import continued
 from interpose.skeleton import HUMANOID
 
 from .conftest import MakeClip
@@ -87,7 +87,7 @@ def test_a_model_is_retargeted_on_the_way_in_and_back_on_the_way_out(
         local = signs * np.stack([m.local_rotations for m in made])
         return np.stack([m.root_positions for m in made]), local, np.zeros((len(made), frames, 4))
 
-    monkeypatch.setattr(session, "load", lambda name: f"the model in {name}")
+    monkeypatch.setattr(model_folder, "load", lambda name: f"the model in {name}")
     monkeypatch.setattr(methods, "generate_batch", stand_in)
     windows = lafan1.cut((make_clip(200),))
     method = from_model("mine", "runs/mine", windows.skeleton, 30.0, context_frames=4, style="Angry", seed=7)

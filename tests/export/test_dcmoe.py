@@ -16,10 +16,10 @@ from interpose.export import dcmoe as export
 from interpose.export import onnx_file
 from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST, control_shapes, output_layout, state_shapes
 from interpose.models.dcmoe import Control, State
-from interpose.runtime import session as runtime
+from interpose.runtime import model_folder as runtime
 from interpose.skeleton import HUMANOID
-from interpose.train import checkpoint
-from interpose.train.sequences import Sampling, draw
+from interpose.train.common import checkpoint
+from interpose.train.dcmoe.sequences import Sampling, draw
 
 
 def test_the_folder_is_whole_and_alone(model_folder):

@@ -14,13 +14,15 @@ import torch
 
 from interpose import rotation
 from interpose.export import dcmoe, engine, onnx_file
-from interpose.models.gap_plan import GapPlan, PlanSize
+from interpose.models.planner import GapPlan, PlanSize
 from interpose.motion import from_global
-from interpose.runtime import fading, planning, poses, rollout
-from interpose.runtime.session import Session, load
-from interpose.runtime.stream import Stream
+from interpose.runtime import poses
+from interpose.runtime.backends import dcmoe as backend
+from interpose.runtime.model_folder import Session, load
+from interpose.runtime.streaming import fading
+from interpose.runtime.streaming.stream import Stream
 from interpose.skeleton import HUMANOID, global_rotations
-from interpose.stitching import LONGEST_PLAN, spread
+from interpose.stitch_layout import LONGEST_PLAN, spread
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "engine"
 CLIP = learning.march(90, 1.0, 0.5)
@@ -57,10 +59,10 @@ def test_begin_makes_the_state_of_a_pose(known):
     made = begun(known)
     frames = [[at - 1, at] if known else [at] for at in START]
     context = poses.pose_of(CLIP.root_positions[frames], CLIP.local_rotations[frames])
-    wanted = rollout.initial_state(context, np.zeros((2, 13, 10, 2)))
+    wanted = backend.initial_state(context, np.zeros((2, 13, 10, 2)))
     for name, value in wanted.items():
         np.testing.assert_allclose(made[name], value, atol=2e-4 if name == "velocities" else 1e-5, err_msg=name)
-    np.testing.assert_allclose(made["path"], rollout.resting_path(context), atol=1e-5)
+    np.testing.assert_allclose(made["path"], backend.resting_path(context), atol=1e-5)
 
 
 def aim_feed(frames: int) -> dict[str, np.ndarray]:
@@ -83,21 +85,21 @@ def test_aim_gives_the_target_and_the_interpolation(steps):
 @pytest.mark.parametrize("steps", [40, LONGEST_PLAN + 1])
 def test_aim_adds_the_plan(steps, session, monkeypatch):
     torch.manual_seed(0)
-    planner = GapPlan(PlanSize(latent=4, hidden=32, depth=1, styles=2)).eval()
+    network = GapPlan(PlanSize(latent=4, hidden=32, depth=1, styles=2)).eval()
     feed = aim_feed(steps)
 
     def run(_self, _name, told):
         with torch.no_grad():
-            x, frame = planner(engine.Ends(*(torch.tensor(told[name]) for name in engine.Ends._fields)))
-            return {"added": planner.decode(x, frame, planner.expect(x).mean).numpy(), "latent": np.zeros((2, 4))}
+            x, frame = network(engine.Ends(*(torch.tensor(told[name]) for name in engine.Ends._fields)))
+            return {"added": network.decode(x, frame, network.expect(x).mean).numpy(), "latent": np.zeros((2, 4))}
 
     monkeypatch.setattr(Session, "run", run)
     context = poses.pose_of(*local(START)), feed["velocities"], poses.pose_of(*local(TARGET))
-    told = planning.ends(*context, None, [steps] * 2, feed["style"], [None] * 2, 1.0)
-    anchors = planning.plan(session, told, np.zeros((2, 4)))[0] * (steps <= LONGEST_PLAN)
+    told = planner.ends(*context, None, [steps] * 2, feed["style"], [None] * 2, 1.0)
+    anchors = planner.plan(session, told, np.zeros((2, 4)))[0] * (steps <= LONGEST_PLAN)
     wanted = poses.interpolation(local(START), local(TARGET), steps - 1)
     wanted = wanted + np.einsum("ta,bap->btp", spread(steps), anchors)
-    made = said(engine.Aim(planner), feed)["bases"]
+    made = said(engine.Aim(network), feed)["bases"]
     assert (np.abs(anchors).max() > 0.05) == (steps <= LONGEST_PLAN)
     np.testing.assert_allclose(made, wanted, atol=2e-4)
 

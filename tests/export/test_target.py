@@ -10,9 +10,9 @@ from interpose import export as exporting
 from interpose.errors import InputError
 from interpose.export.target import example
 from interpose.models.target_pose import Complete, Size, TargetPose
-from interpose.runtime.session import load
-from interpose.train import checkpoint, loop
-from interpose.train.target_pose import Config
+from interpose.runtime.model_folder import load
+from interpose.train.common import checkpoint, loop
+from interpose.train.target.recipe import Config
 
 
 def write_run(folder, styles):

@@ -10,8 +10,8 @@ import pygltflib
 import pytest
 
 from interpose import InputError, Motion, Skeleton, rotation
-from interpose.figure import figure
 from interpose.io import gltf
+from interpose.mannequin import figure
 from interpose.skeleton import HUMANOID
 
 TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}

@@ -24,7 +24,7 @@ from interpose.features import (
 from interpose.models.dcmoe import Control, DCMoE, Network, Size, State
 from interpose.models.geometry import facing, joint_positions, to_matrix
 from interpose.skeleton import HUMANOID
-from interpose.train.sequences import Sampling, base_window, draw
+from interpose.train.dcmoe.sequences import Sampling, base_window, draw
 
 BATCH = 6
 

@@ -8,7 +8,7 @@ from torch import nn
 
 from interpose.models.discriminator import LONG, SHORT, Discriminators, critic_loss, generator_loss, seen
 from interpose.models.geometry import to_matrix
-from interpose.train import gaps
+from interpose.train.common import gaps
 
 CHANNELS = 132
 

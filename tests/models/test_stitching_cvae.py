@@ -9,9 +9,9 @@ import torch
 from stitch_learning import Elsewhere, latent, loud, situation
 from torch import nn
 
-from interpose.models.gap_plan import normal
+from interpose.models.planner import normal
 from interpose.models.stitching_cvae import LONGEST, Generator, LocalPhase, Memory, Size, StitchingCVAE
-from interpose.train.stitch_config import PRESETS
+from interpose.train.stitch.config import PRESETS
 
 BATCH = 6
 SIZE = stitch_learning.CONFIG.size

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 import torch
 
+from interpose.drawn_path.path_file import Drawn
 from interpose.errors import InputError
 from interpose.gallery import paths, proposals, store
-from interpose.gallery.drawfile import Drawn
 from interpose.gallery.proposals import Asked
 from interpose.gallery.tracks import from_database, track_of
 from interpose.motion import Motion
-from interpose.runtime import guidance, rollout
+from interpose.runtime import guidance
+from interpose.runtime.backends import dcmoe
 from interpose.runtime.guidance import Gap, Wish, plans
 from interpose.skeleton import HUMANOID
-from interpose.train.sequences import Sampling, draw
+from interpose.train.dcmoe.sequences import Sampling, draw
 
 
 @pytest.fixture(scope="module")
@@ -38,13 +39,13 @@ def test_the_path_is_shown_as_in_training(frames):
         facing = frames.facing[span].numpy()
         yaw = np.unwrap(np.arctan2(facing[:, 0], facing[:, 1]))
         path = np.concatenate([frames.hips[span, ::2].numpy(), yaw[:, None]], axis=-1).astype(float)
-        shown = rollout.guidance([path], max(total, 1))[0, min(gone, total - 1)]
+        shown = dcmoe.guidance([path], max(total, 1))[0, min(gone, total - 1)]
         np.testing.assert_allclose(shown, wanted[i], atol=2e-4)
 
 
 def test_rows_without_a_path_are_shown_none():
     path = np.zeros((4, 3))
-    shown = rollout.guidance([None, path], 3)
+    shown = dcmoe.guidance([None, path], 3)
     assert not shown[0].any()
     assert np.all(shown[1, ..., 3] == 1.0)
 
@@ -56,12 +57,12 @@ def test_rows_of_different_lengths_are_those_of_separate_calls(session):
     goals = walk.root_positions[target], walk.local_rotations[target]
     repeat = np.zeros(3, dtype=int)[:, None]
     ways = [None, paths.straight(paths.query_of(track_of(walk)[[0, 80]]), 34), None]
-    together = rollout.generate_batch(
+    together = dcmoe.generate_batch(
         session, walk.root_positions[repeat], walk.local_rotations[repeat], *goals, lengths, paths=ways
     )
     assert together[0].shape == (3, 33, 3)
     for row, frames in enumerate(lengths):
-        alone = rollout.generate_batch(
+        alone = dcmoe.generate_batch(
             session,
             start[0][None],
             start[1][None],
@@ -80,8 +81,8 @@ def test_a_path_changes_what_the_network_does_and_its_control_is_gradual(session
     keys = [gap.context.root_positions[None], gap.context.local_rotations[None]]
     keys += [gap.target.root_positions[:1], gap.target.local_rotations[:1]]
     line = paths.straight(gap.query, 46)
-    made = [rollout.generate_batch(session, *keys, 45, paths=[line], control=w)[0] for w in (1.0, 0.999, 0.5)]
-    free = rollout.generate_batch(session, *keys, 45)[0]
+    made = [dcmoe.generate_batch(session, *keys, 45, paths=[line], control=w)[0] for w in (1.0, 0.999, 0.5)]
+    free = dcmoe.generate_batch(session, *keys, 45)[0]
     assert np.abs(made[0] - free).max() > 1e-3
     assert np.abs(made[0] - made[1]).max() < 0.1 * np.abs(made[0] - made[2]).max()
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from interpose import retarget, rotation
+from interpose.drawn_path.path_file import of_points
 from interpose.errors import InputError
-from interpose.gallery.drawfile import of_points
 from interpose.motion import Motion
-from interpose.runtime import rollout
+from interpose.runtime.backends import dcmoe
 from interpose.runtime.inbetween import fill, inbetween, mapping_of
-from interpose.runtime.judgement import TOES, foot_slide, judge
+from interpose.runtime.model_folder import Session
+from interpose.runtime.ranking import TOES, foot_slide, judge
 from interpose.runtime.request import Request
-from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID, Skeleton
 
 RATES = [24.0, 25.0, 30000 / 1001, 30.0, 50.0, 60.0, 120.0]
@@ -73,7 +73,7 @@ def served(monkeypatch):
         local = rotation.slerp(start_local[:, -1:], target_local[:, None], t)
         return root, local, np.zeros((len(start_root), frames, 4))
 
-    monkeypatch.setattr("interpose.runtime.rollout.generate_batch", generate_batch)
+    monkeypatch.setattr("interpose.runtime.backends.dcmoe.generate_batch", generate_batch)
     return asked
 
 
@@ -260,7 +260,7 @@ def test_feet_in_contact_stay_where_they_are(served, monkeypatch):
     pose = Motion(HUMANOID, np.array([[0.0, 0.83, 0.0]]), rotation.from_rotation_vector(bent)[None], 60.0)
 
     def sway(down):
-        straight = rollout.generate_batch
+        straight = dcmoe.generate_batch
 
         def generate_batch(*given, **named):
             root, local, contacts = straight(*given, **named)
@@ -268,7 +268,7 @@ def test_feet_in_contact_stay_where_they_are(served, monkeypatch):
             return root, local, np.full_like(contacts, down)
 
         with monkeypatch.context() as patch:
-            patch.setattr(rollout, "generate_batch", generate_batch)
+            patch.setattr(dcmoe, "generate_batch", generate_batch)
             (made,) = inbetween(pose, pose, 60, MODEL)
         return np.ptp(made.motion.global_positions()[:, TOES], axis=0).max()
 
@@ -306,13 +306,13 @@ def test_variants_of_a_free_style_take_each_style_in_turn(served):
 
 def test_a_root_that_does_not_keep_to_its_path_is_told_of(served, monkeypatch):
     clip = walk(62, 30.0)
-    given = rollout.generate_batch
+    given = dcmoe.generate_batch
 
     def deaf(*arguments, paths, **named):
         assert paths[0].shape == (62, 3)
         return given(*arguments, paths=[None], **named)
 
-    monkeypatch.setattr("interpose.runtime.rollout.generate_batch", deaf)
+    monkeypatch.setattr("interpose.runtime.backends.dcmoe.generate_batch", deaf)
     for aside, told in ((0.05, False), (2.0, True)):
         beside = clip.root_positions[30, ::2] + np.array([aside, 0.0])
         request = replace(MODEL, path="drawn", lines=of_points([beside]))
@@ -329,7 +329,7 @@ def test_no_two_variants_begin_in_the_same_phases(tmp_path):
 
     def drawn(count: int, seed: int) -> list[int]:
         """Which window each row has; -1 for unknown phases."""
-        phases = rollout.initial_phases(session, count, seed, vary=True)
+        phases = dcmoe.initial_phases(session, count, seed, vary=True)
         assert all(not row.any() or (row == bank).all(axis=(1, 2, 3)).any() for row in phases)
         return [int(np.argmax((row == bank).all(axis=(1, 2, 3)))) if row.any() else -1 for row in phases]
 
@@ -339,4 +339,4 @@ def test_no_two_variants_begin_in_the_same_phases(tmp_path):
     assert drawn(12, 7) != drawn(12, 8)
     for seed in (0, 7):
         assert drawn(3, seed) == drawn(12, seed)[:3]
-    assert not rollout.initial_phases(session, 3, 7, vary=False).any()
+    assert not dcmoe.initial_phases(session, 3, 7, vary=False).any()

@@ -10,8 +10,8 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.features import state_shapes
 from interpose.motion import Motion
-from interpose.runtime import rollout
-from interpose.runtime.session import Session
+from interpose.runtime.backends import dcmoe
+from interpose.runtime.model_folder import Session
 from interpose.skeleton import HUMANOID, Skeleton
 
 
@@ -89,7 +89,7 @@ def test_an_unknown_model_is_refused(name):
 def test_an_undisturbed_stream_gives_the_frames_of_the_whole_roll_out(model):
     clip = walk(41)
     start, target = clip[4], clip[40]  # with frames before it the stream would also carry their speed on
-    root, local, _ = rollout.generate_batch(
+    root, local, _ = dcmoe.generate_batch(
         model.session,
         start.root_positions[None],
         start.local_rotations[None],

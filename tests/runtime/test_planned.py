@@ -6,13 +6,15 @@ import pytest
 import torch
 
 from interpose.export import dcmoe as exporting
-from interpose.export import plan as exporting_plan
-from interpose.runtime import planning, poses, rollout
-from interpose.runtime.session import Session
-from interpose.stitching import ANCHORS, LONGEST_PLAN
-from interpose.train import checkpoint, validation
-from interpose.train import planning as training
-from interpose.train.sequences import base_window
+from interpose.export import planner as exporting_plan
+from interpose.runtime import planner, poses
+from interpose.runtime.backends import dcmoe
+from interpose.runtime.model_folder import Session
+from interpose.stitch_layout import ANCHORS, LONGEST_PLAN
+from interpose.train.common import checkpoint
+from interpose.train.dcmoe import validation
+from interpose.train.dcmoe.sequences import base_window
+from interpose.train.planner import objective as training
 
 COUNT = 4
 
@@ -73,14 +75,14 @@ def in_torch(monkeypatch, planned_network):
         return {n: x.numpy() for n, x in zip(names[name], said, strict=True)}
 
     monkeypatch.setattr(Session, "run", run)
-    monkeypatch.setattr(planning, "plan", plainly)
+    monkeypatch.setattr(planner, "plan", plainly)
 
 
 def led(session, ends, paths, arriving, steps, drawn=None):
     context, start, target = ends
     weights = session.style_weights([None] * COUNT)
     noise = np.zeros((COUNT, session.plan_latent)) if drawn is None else drawn
-    return rollout.led(session, context, start, target, [steps - 1] * COUNT, weights, noise, paths, 1.0, arriving)
+    return dcmoe.led(session, context, start, target, [steps - 1] * COUNT, weights, noise, paths, 1.0, arriving)
 
 
 @pytest.mark.parametrize("steps", [2, 31, LONGEST_PLAN])
@@ -107,7 +109,7 @@ def test_rows_of_other_lengths_have_their_own_plans(in_torch, planned_session, f
     whole = led(planned_session, ends, [None] * COUNT, None, 31)
     context, start, target = ends
     weights, noise = planned_session.style_weights([None] * COUNT), np.zeros((COUNT, planned_session.plan_latent))
-    mixed = rollout.led(planned_session, context, start, target, [30, 8, 30, 0], weights, noise, [None] * COUNT)
+    mixed = dcmoe.led(planned_session, context, start, target, [30, 8, 30, 0], weights, noise, [None] * COUNT)
     np.testing.assert_allclose(mixed[::2], whole[::2], atol=1e-4)
     np.testing.assert_allclose(mixed[1, 9:], np.repeat(whole[1:2, -1], 23, axis=0), atol=1e-4)
     np.testing.assert_allclose(mixed[3, 1:], np.repeat(whole[3:4, -1], 31, axis=0), atol=1e-4)
@@ -126,7 +128,7 @@ def test_gaps_longer_than_plans_have_none(planned_session, planned_network, fram
 def test_noise_makes_another_base_between_the_same_keys(planned_session, frames):
     _, ends, paths, _ = gaps(frames, 31)
     likeliest = led(planned_session, ends, paths, None, 31)
-    drawn = planning.noise((planned_session.plan_latent,), COUNT, 0, True)
+    drawn = planner.noise((planned_session.plan_latent,), COUNT, 0, True)
     assert not drawn[0].any()
     varied = led(planned_session, ends, paths, None, 31, drawn)
     np.testing.assert_allclose(varied[0], likeliest[0], atol=1e-4)
@@ -140,7 +142,7 @@ def joints(root, local):
 
 @pytest.mark.parametrize("path", [False, True])
 def test_torch_rolls_out_to_the_same_frames(planned_session, planned_network, frames, monkeypatch, path):
-    monkeypatch.setattr(planning, "plan", plainly)
+    monkeypatch.setattr(planner, "plan", plainly)
     gap = 30
     rows = validation.fixed_rows(frames, gap, COUNT, len(learning.STYLES))
     rows.path_known.fill_(float(path))
@@ -152,7 +154,7 @@ def test_torch_rolls_out_to_the_same_frames(planned_session, planned_network, fr
     facing = frames.facing[index].double().numpy()
     yaw = np.unwrap(np.arctan2(facing[..., 0], facing[..., 1]), axis=-1)
     way = np.concatenate([frames.hips[index][..., ::2].double().numpy(), yaw[..., None]], axis=-1)
-    root, local, _ = rollout.generate_batch(
+    root, local, _ = dcmoe.generate_batch(
         planned_session, ends[0][0][:, None], ends[0][1][:, None], *ends[1], gap, paths=list(way) if path else None
     )
     off = np.linalg.norm(joints(root, local) - wanted, axis=-1)
@@ -165,16 +167,16 @@ def test_torch_rolls_out_to_the_same_frames(planned_session, planned_network, fr
 def test_variants_go_along_plans_of_their_own(planned_session, frames):
     _, (_, start, target), _, _ = gaps(frames, 31)
     same = [np.repeat(x[:1], 3, axis=0) for x in (start[0][:, None], start[1][:, None], *target)]
-    made = rollout.generate_batch(planned_session, *same, 30, vary=True)[0]
+    made = dcmoe.generate_batch(planned_session, *same, 30, vary=True)[0]
     assert min(np.abs(made[i] - made[j]).max() for i, j in ((0, 1), (0, 2), (1, 2))) > 1e-3
-    again = rollout.generate_batch(planned_session, *same, 30, vary=True)[0]
+    again = dcmoe.generate_batch(planned_session, *same, 30, vary=True)[0]
     np.testing.assert_array_equal(made, again)
 
 
 def test_what_is_foreseen_are_the_hips_of_the_likeliest_base(planned_session, frames):
     _, (context, start, target), _, _ = gaps(frames, 31)
     one = [x[:1] for x in (start[0][:, None], start[1][:, None], *target)]
-    got = rollout.foreseen(planned_session, tuple(one[:2]), tuple(one[2:]), 30, None, 1.0)
+    got = dcmoe.foreseen(planned_session, tuple(one[:2]), tuple(one[2:]), 30, None, 1.0)
     whole = led(planned_session, (context, start, target), [None] * COUNT, None, 31)
     np.testing.assert_allclose(got, whole[0, 1:-1, :3], atol=1e-4)
 

@@ -8,7 +8,7 @@ from interpose import retarget, rotation
 from interpose.motion import Motion
 from interpose.runtime import transition
 from interpose.runtime.guidance import Plan
-from interpose.runtime.session import Session
+from interpose.runtime.model_folder import Session
 from interpose.skeleton import HUMANOID
 
 
@@ -28,8 +28,8 @@ def test_a_foot_in_motion_at_the_start_key_does_not_stand_there_yet(monkeypatch)
         asked.append(contacts.copy())
         return local
 
-    monkeypatch.setattr(transition.rollout, "generate_batch", generate_batch)
-    monkeypatch.setattr(transition.feet, "plant_batch", plant_batch)
+    monkeypatch.setattr(transition.dcmoe, "generate_batch", generate_batch)
+    monkeypatch.setattr(transition.lock, "plant_batch", plant_batch)
     session = Session(Path("nowhere"), {"name": "stand-in", "method": "dcmoe", "styles": [], "absolute": False})
     for start in (clip[:2], clip[1]):
         transition.generate([start], clip[2], [20], [Plan(21)], session, retarget.plan(clip))

@@ -19,8 +19,8 @@ from studio_rigs import HOST, OWN, PORT, envelope, question, walk
 
 from interpose.io import bvh
 from interpose.studio import app as apps
-from interpose.studio import desk as desks
-from interpose.studio import rows, wire
+from interpose.studio import messages, pose_rows
+from interpose.studio import scheduler as desks
 from interpose.studio.app import create_app
 from interpose.studio.methods import Sessions
 from interpose.studio.protocol import TOLD, Candidates, Failed, Opened, Posed, Project, Rig, Source, Welcome
@@ -57,7 +57,7 @@ def opened(client: TestClient, data: bytes = BVH, name: str = "walk.bvh") -> tup
     answer = client.post("/api/rigs", params={"name": name}, content=data)
     assert answer.status_code == 200, answer.text
     assert answer.headers["content-type"] == "application/octet-stream"
-    return wire.unpack(answer.content, TypeAdapter(Rig))
+    return messages.unpack(answer.content, TypeAdapter(Rig))
 
 
 def export(client: TestClient, rig: str, frames: np.ndarray, kind: str = "bvh", same: Any = ()) -> Any:
@@ -80,7 +80,7 @@ def refusal(answer: Any, status: int) -> str:
 def test_a_file_is_opened_and_told_of(client: TestClient) -> None:
     rig, arrays = opened(client)
     assert rig.name == "walk.bvh"
-    np.testing.assert_allclose(arrays["frames"], rows.of_motion(walk()), atol=1e-5)
+    np.testing.assert_allclose(arrays["frames"], pose_rows.of_motion(walk()), atol=1e-5)
     assert opened(client, name="other.bvh")[0].id == rig.id
 
 
@@ -310,7 +310,7 @@ def socket(client: TestClient, **headers: str) -> Any:
 
 
 def told(ws: Any) -> Any:
-    return wire.unpack(ws.receive_bytes(), TOLD)[0]
+    return messages.unpack(ws.receive_bytes(), TOLD)[0]
 
 
 def closed(ws: Any) -> tuple[int, str]:
@@ -322,7 +322,7 @@ def closed(ws: Any) -> tuple[int, str]:
 
 
 def mirror(rig: str) -> bytes:
-    return question("mirror", rig, {"pose": rows.of_motion(walk())[1:2]})
+    return question("mirror", rig, {"pose": pose_rows.of_motion(walk())[1:2]})
 
 
 @pytest.mark.parametrize(
@@ -371,7 +371,7 @@ def test_questions_are_answered(models: Sessions) -> None:
             keys = {"start": arrays["frames"][1:2], "target": arrays["frames"][2:3]}
             asked = {"gap": "g", "frames": 20, "method": "dcmoe", "path": {"kind": "auto"}, "variants": 2, "seed": 0}
             ws.send_bytes(question("generate", rig.id, keys, **asked))
-            header, made = wire.unpack(ws.receive_bytes(), TOLD)
+            header, made = messages.unpack(ws.receive_bytes(), TOLD)
             assert isinstance(header, Candidates)
             assert made["frames"].shape == (2, 20, 91)
             ws.send_bytes(mirror("none"))

@@ -14,12 +14,12 @@ from studio_rigs import STAND, moved, walk
 
 from interpose.errors import InputError
 from interpose.io import bvh
-from interpose.studio import projects, rows
+from interpose.studio import pose_rows, projects
 from interpose.studio.protocol import Project
 from interpose.studio.rigs import Shelf
 
 TEXT = bvh.serialize(walk()).decode()
-ROW = rows.of_motion(walk())
+ROW = pose_rows.of_motion(walk())
 
 
 def coded(array: Any) -> str:
@@ -162,7 +162,7 @@ def test_the_last_keys_gap_is_for_nobody() -> None:
 def test_poses_are_those_of_the_sources_rig() -> None:
     other = {"name": "moved.bvh", "text": bvh.serialize(moved(walk())).decode()}
     assert "which are no poses of 628 bytes each" in refused(project(key(0, pose=coded(ROW[0])), source=other))
-    read(project(key(0, pose=coded(rows.of_motion(moved(STAND)))), source=other))
+    read(project(key(0, pose=coded(pose_rows.of_motion(moved(STAND)))), source=other))
 
 
 FIELDS = ["id", "frame", "pose", "source", "after", "motion", "method", "path", "kind", "points", "format", "keys", "x"]

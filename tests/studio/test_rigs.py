@@ -18,10 +18,10 @@ from interpose.errors import InputError
 from interpose.io import bvh
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID, Skeleton
-from interpose.studio import rigs, rows
+from interpose.studio import pose_rows, rigs
+from interpose.studio.messages import shapes
 from interpose.studio.protocol import Rig
 from interpose.studio.rigs import Shelf, Unknown
-from interpose.studio.wire import shapes
 
 
 def file(number: int) -> bytes:
@@ -93,7 +93,7 @@ def test_what_is_told_fits_together(motion: Motion) -> None:
     assert rig.name == "a.bvh"
     assert rig.rate == pytest.approx(30.0, abs=1e-3)
     np.testing.assert_allclose(arrays["offsets"][1:], motion.skeleton.offsets[1:], atol=1e-6)
-    np.testing.assert_allclose(arrays["frames"], rows.of_motion(motion), atol=1e-5)
+    np.testing.assert_allclose(arrays["frames"], pose_rows.of_motion(motion), atol=1e-5)
     assert arrays["vertices"].shape == arrays["normals"].shape == (len(arrays["carriers"]), 3)
     assert arrays["triangles"].shape == (len(arrays["sides"]), 3)
     assert 0 <= arrays["triangles"].min() <= arrays["triangles"].max() < len(arrays["vertices"])

@@ -114,9 +114,9 @@ def gallery_build(
         out: The gallery's folder.
         part: train leaves out the ends of the clips that trainings hold out.
     """
-    from interpose.cli import trajectories
+    from interpose.cli import gallery as command
 
-    return trajectories.build(database, out, part)
+    return command.build(database, out, part)
 
 
 def gallery_query(
@@ -144,9 +144,9 @@ def gallery_query(
         seed: The same seed gives the same answer.
         json: Print one JSON object.
     """
-    from interpose.cli import trajectories
+    from interpose.cli import gallery as command
 
-    return trajectories.query(gallery, (start, target), (frames, speed, style), count, seed, json)
+    return command.query(gallery, (start, target), (frames, speed, style), count, seed, json)
 
 
 def gallery_generate(
@@ -164,9 +164,9 @@ def gallery_generate(
         frames: Of motion to generate, over all styles of the database.
         seed: The same seed gives the same gallery.
     """
-    from interpose.cli import trajectories
+    from interpose.cli import gallery as command
 
-    return trajectories.generate(database, model, frames, seed)
+    return command.generate(database, model, frames, seed)
 
 
 def gallery_plot(
@@ -186,9 +186,9 @@ def gallery_plot(
         distance: Metres from start to target of the ways.
         seed: The same seed gives the same figures.
     """
-    from interpose.cli import trajectories
+    from interpose.cli import gallery as command
 
-    return trajectories.plot(gallery, out, style, distance, seed)
+    return command.plot(gallery, out, style, distance, seed)
 
 
 def info(
@@ -237,9 +237,9 @@ def prepare(
         split: train leaves out the test subjects, 5 of lafan1, 9 and 11 of h36m; test takes only them.
         workers: Processes at once; one a core where left out.
     """
-    from interpose.cli import develop
+    from interpose.cli import training
 
-    return develop.prepare(dataset, source, out, split, workers) if source else _nothing("prepare", "SOURCE")
+    return training.prepare(dataset, source, out, split, workers) if source else _nothing("prepare", "SOURCE")
 
 
 def labels(
@@ -259,9 +259,9 @@ def labels(
         noise: The share of the estimated label errors to drop, most doubtful first; 1 is plain confident learning.
         seed: Of the judging networks.
     """
-    from interpose.cli import develop
+    from interpose.cli import training
 
-    return develop.labels(data, out, noise, seed)
+    return training.labels(data, out, noise, seed)
 
 
 def train(
@@ -306,12 +306,12 @@ def train(
         device: Where to compute; a GPU where there is one.
         seed: Of weights and draws.
     """
-    from interpose.cli import develop
+    from interpose.cli import training
 
     if not data:
         return _nothing("train", "DB after --data")
-    extra = develop.Extra(phases, foreign_keys, without, plan_from, refines, backward, plan_steps, compiled)
-    return develop.train(network, data, out, preset, minutes, device, seed, extra)
+    extra = training.Extra(phases, foreign_keys, without, plan_from, refines, backward, plan_steps, compiled)
+    return training.train(network, data, out, preset, minutes, device, seed, extra)
 
 
 def export(
@@ -330,9 +330,9 @@ def export(
         onto: For a run of detail, of target or of dcmoe --backward: the model's folder that it completes; out is a
             copy of that.
     """
-    from interpose.cli import develop
+    from interpose.cli import training
 
-    return develop.export(run, out, name, onto)
+    return training.export(run, out, name, onto)
 
 
 def evaluate(
@@ -369,17 +369,17 @@ def evaluate(
             For style: all judges by the halves of all clips, where the judge otherwise learns from those ends.
         strength: For style: the strengths to ask for it with, separated by commas.
     """
-    from interpose.cli import develop
+    from interpose.cli import training
 
     if protocol == "style":
-        return develop.evaluate_style(data, model, out, strength, part or "held-out", seed)
+        return training.evaluate_style(data, model, out, strength, part or "held-out", seed)
     if protocol == "dcmoe":
-        return develop.evaluate_dcmoe(data, methods, out, seed)
+        return training.evaluate_dcmoe(data, methods, out, seed)
     if protocol == "stitch":
-        return develop.evaluate_stitch(data, methods, model, out, seed)
+        return training.evaluate_stitch(data, methods, model, out, seed)
     if protocol == "gallery":
-        return develop.evaluate_gallery(data, gallery, model, out, part or "all", seed)
-    return develop.evaluate(data, methods, model, out, context, seed)
+        return training.evaluate_gallery(data, gallery, model, out, part or "all", seed)
+    return training.evaluate(data, methods, model, out, context, seed)
 
 
 def demo(out: OutFolder = "interpose-demo") -> int:

@@ -12,17 +12,17 @@ import numpy as np
 
 from interpose import keys as key_text
 from interpose import parts
-from interpose.cli import trajectories
 from interpose.cli.commands import Options
+from interpose.cli.gallery import gallery_of
 from interpose.cli.output import output_paths, write_all
+from interpose.drawn_path import path_file
 from interpose.errors import InputError
-from interpose.gallery import drawfile
 from interpose.io import bvh
 from interpose.motion import Motion, concatenate
 from interpose.runtime import inbetween
 from interpose.runtime.interpolate import aligned
+from interpose.runtime.model_folder import load
 from interpose.runtime.request import METHODS, Info, Request
-from interpose.runtime.session import load
 
 
 def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
@@ -67,8 +67,8 @@ def _request(options: Options, untimed: bool) -> Request:
     """``untimed``: the gallery is to say how long a gap takes, for interpolation, too."""
     needed = options.method in METHODS and (options.method != "interp" or untimed)
     session = load(options.model, method=options.method) if needed or options.model is not None else None
-    lines = drawfile.read(Path(options.path)) if options.path.lower().endswith(".json") else None
-    gallery = None if options.gallery is None else trajectories.gallery_of(options.gallery)
+    lines = path_file.read(Path(options.path)) if options.path.lower().endswith(".json") else None
+    gallery = None if options.gallery is None else gallery_of(options.gallery)
     return Request(
         options.method,
         session,

@@ -71,15 +71,15 @@ def _text(told: dict[str, Any]) -> str:
 
 def models(as_json: bool) -> int:
     """Print the installed models."""
-    from interpose.runtime import session  # ONNX Runtime takes a while to import, and `info` does without it
+    from interpose.runtime import model_folder
 
-    sessions = [session.load(folder) for folder in session.installed()]
+    sessions = [model_folder.load(folder) for folder in model_folder.installed()]
     if as_json:
         for one in sessions:
             print(json.dumps({"folder": str(one.path), **one.info}, ensure_ascii=False))
         return 0
     if not sessions:
-        print(f"no model is installed in {session.INSTALLED}", file=sys.stderr)
+        print(f"no model is installed in {model_folder.INSTALLED}", file=sys.stderr)
     for one in sessions:
         told = one.info
         print(f"{one.name}: method {one.method}, {told.get('rate', 30.0):g} Hz, {told.get('parameters', 0):,} weights")

@@ -1,9 +1,9 @@
 """Which frames of a database are worth their style label: folds, verdicts on windows joined to frames, the report.
 
 The DC-MoE paper distils LaFAN1 to the part whose style labels describe it, by confident learning (section 5.1;
-docs/method.md, C11). Windows are judged by a network that never saw their recording (`interpose.train.labels`); here is
-all of it that needs no network. What is kept is a file beside the database's own, ``labels-kept.npz``, which trainings
-honour: frames that it drops have their label set free.
+docs/method.md, C11). Windows are judged by a network that never saw their recording (`interpose.train.style.labels`);
+here is all of it that needs no network. What is kept is a file beside the database's own, ``labels-kept.npz``, which
+trainings honour: frames that it drops have their label set free.
 """
 
 from __future__ import annotations

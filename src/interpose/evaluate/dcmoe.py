@@ -22,10 +22,10 @@ from interpose.gallery.tracks import track_of
 from interpose.motion import Motion, concatenate
 from interpose.render import sheet
 from interpose.retarget import plan
-from interpose.runtime import guidance, methods, poses, session
+from interpose.runtime import guidance, methods, model_folder, poses
 from interpose.runtime.guidance import Gap, Wish
+from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path as Way
-from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
 PROTOCOL = "dcmoe"
@@ -98,7 +98,7 @@ def _subjects(named: Sequence[str]) -> list[Subject]:
             or label in ("interp", "truth", "mean")
         ):
             raise InputError(f"--methods {text}: give interp, dcmoe or LABEL=MODEL")
-        chosen = session.load(name if equals else run.MODEL_METHODS["dcmoe"])
+        chosen = model_folder.load(name if equals else run.MODEL_METHODS["dcmoe"])
         if chosen.method != "dcmoe":
             raise InputError(f"--methods {text}: '{chosen.name}' is for method {chosen.method}; see 'evaluate stitch'")
         out.append(Subject(label, chosen))

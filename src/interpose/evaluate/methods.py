@@ -123,9 +123,9 @@ def from_model(
     model: an installed model's name, its folder, or None for the default one. Raises InputError where it cannot be
     loaded, or where the skeleton is no humanoid.
     """
-    from interpose.runtime import methods, poses, session
+    from interpose.runtime import methods, model_folder, poses
 
-    loaded = session.load(model)
+    loaded = model_folder.load(model)
     carrier = Carrier(skeleton, rate, plan(skeleton))
 
     def generate(
@@ -169,9 +169,10 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
     A ``name`` that ends in ``+detail`` refines what it makes. Raises InputError where the model cannot.
     """
-    from interpose.runtime import poses, session, stitched
+    from interpose.runtime import model_folder, poses
+    from interpose.runtime.backends import stitch
 
-    loaded = session.load(model)
+    loaded = model_folder.load(model)
     if name.endswith("+detail") and "stitch+detail" not in loaded.methods:
         raise InputError(f"the model '{loaded.name}' has no detail transformer; leave out +detail")
     loaded = loaded.serving(name)
@@ -188,7 +189,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
         start = carrier.onto(context_root, context_local)
         end = carrier.onto(target_root[:, None], target_local[:, None])
         keys = *start, end[0][:, 0], end[1][:, 0]
-        (root, local, contacts), apart = stitched.stitch(loaded, *keys, frames)
+        (root, local, contacts), apart = stitch.stitch(loaded, *keys, frames)
 
         def finished(root: ndarray, local: ndarray) -> Batch:
             root, local = carrier.back(root, local)
@@ -196,7 +197,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
 
         motions = [finished(root, planted(start, end, root, local, contacts))]
         for number in range(count):
-            made, _ = stitched.stitch(loaded, *keys, frames, seed=1 + seed * count + number, vary=True)
+            made, _ = stitch.stitch(loaded, *keys, frames, seed=1 + seed * count + number, vary=True)
             motions.append(finished(made[0], planted(start, end, *made)))
         return Samples(motions, finished(root, local), apart)
 
@@ -212,8 +213,8 @@ def planted(
 ) -> Float[ndarray, "window frame 22 4"]:
     """The local rotations of a roll-out with its feet planted, as in use. ``start``, ``end``: root positions and local
     rotations (window, frame, ...) of the known frames, whose last and whose first are the keys."""
-    from interpose.runtime import feet
+    from interpose.runtime.feet import lock
 
     whole_root = np.concatenate([start[0][:, -1:], root, end[0][:, :1]], axis=1)
     whole_local = np.concatenate([start[1][:, -1:], local, end[1][:, :1]], axis=1)
-    return feet.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))[:, 1:-1]
+    return lock.plant_batch(whole_root, whole_local, np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))[:, 1:-1]

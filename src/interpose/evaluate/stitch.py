@@ -22,7 +22,7 @@ from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, Drawn, Method, dra
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.stitch_figures import draw_errors, draw_samples
 from interpose.evaluate.tables import Row
-from interpose.runtime import session
+from interpose.runtime import model_folder
 
 PROTOCOL = "stitch"
 LENGTHS = (10, 30, 50)
@@ -121,7 +121,7 @@ def _chosen(
             raise InputError(f"--methods {text}: no such method; there are {', '.join((*baselines, *DEFAULTS))}")
         chosen = name if equals else model or DEFAULTS[label]
         skeleton, rate = windows.skeleton, windows.rate
-        if session.load(chosen).method == "stitch":
+        if model_folder.load(chosen).method == "stitch":
             drawn.append(drawing(label, chosen, skeleton, rate, seed=seed))
         else:
             fixed.append(from_model(label, chosen, skeleton, rate, seed=seed))

@@ -27,8 +27,8 @@ from interpose.evaluate import metrics, style_tables, tables
 from interpose.evaluate.methods import INTERP, Batch, planted
 from interpose.evaluate.tables import Row
 from interpose.runtime import methods
+from interpose.runtime.model_folder import Session
 from interpose.runtime.request import STRONGEST
-from interpose.runtime.session import Session
 
 LENGTHS = (60, 90)
 WINDOW = 30
@@ -147,7 +147,7 @@ def judged(
     progress: Callable[[str], None],
 ) -> Found:
     """Every side's judge trained, every gap generated and judged."""
-    from interpose.train.style_classifier import Recipe, fit, probabilities
+    from interpose.train.style.classifier import Recipe, fit, probabilities
 
     seen = style_windows.seen_of(database)
     styles = _styles(database, session, chosen)

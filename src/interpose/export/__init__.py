@@ -11,8 +11,8 @@ from typing import Any
 from interpose.errors import InputError
 from interpose.export import dcmoe, detail, stitch, target
 from interpose.export.folder import check_place, licence
-from interpose.runtime import session
-from interpose.train import checkpoint
+from interpose.runtime import model_folder
+from interpose.train.common import checkpoint
 
 __all__ = ["export", "licence"]
 
@@ -44,7 +44,7 @@ def export(
     if onto is not None:
         write = target.export if "completes" in config else dcmoe.export_backward
         write = detail.export if "refines" in config else write
-        return write(saved, session.load(onto), out, name)
+        return write(saved, model_folder.load(onto), out, name)
     if "experts" in config:
         return dcmoe.export(saved, out, name, metrics)
     if "stitch" in config:

@@ -11,7 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from interpose.errors import InputError
-from interpose.export import folder, onnx_file, plan
+from interpose.export import folder, onnx_file
+from interpose.export.planner import write_plan
 from interpose.features import (
     EXPERT_INPUT,
     GATE_INPUT,
@@ -22,8 +23,9 @@ from interpose.features import (
     state_shapes,
 )
 from interpose.models.dcmoe import Control, DCMoE, State
-from interpose.runtime.session import Session
-from interpose.train import checkpoint, dcmoe
+from interpose.runtime.model_folder import Session
+from interpose.train.common import checkpoint
+from interpose.train.dcmoe import recipe
 
 CARRIED = [name for name in state_shapes() if name != "velocity_known"]
 """The state that comes out of a step; the velocity is always known then."""
@@ -65,7 +67,7 @@ def export(
         difference = write_step(model, made / "step.onnx")
         planner: dict[str, Any] = {}
         if model.planner is not None:
-            differs = plan.write_plan(model.planner, made / "plan.onnx")
+            differs = write_plan(model.planner, made / "plan.onnx")
             planner = {"planner": config["planner"] | {"difference_from_torch": differs}}
         bank = model.phase_bank.numpy().astype(np.float16)
         if np.any(bank):
@@ -86,7 +88,8 @@ def export(
 
 
 def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
-    """Writes a copy of a model that has the backward step too, so that it can stitch; see `interpose.runtime.dual`.
+    """Writes a copy of a model that has the backward step too, so that it can stitch; see
+    `interpose.runtime.backends.dcmoe_both_ends`.
 
     Raises InputError where the two are not of one kind, and where one walks along a plan, which both ends cannot share.
     """
@@ -104,7 +107,7 @@ def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: st
 
 def model_of(saved: Mapping[str, Any]) -> DCMoE:
     """The network of a checkpoint, ready to run. Raises InputError where the weights do not fit the config."""
-    model = DCMoE(dcmoe.size_of(saved["config"]))
+    model = DCMoE(recipe.size_of(saved["config"]))
     checkpoint.average_into(model, saved)
     return model
 

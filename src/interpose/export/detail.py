@@ -12,9 +12,9 @@ from torch import Tensor, nn
 from interpose.errors import InputError
 from interpose.export import folder, onnx_file
 from interpose.models.detail_transformer import DetailTransformer
-from interpose.runtime.session import Session
-from interpose.train import checkpoint
-from interpose.train.detail import size_of
+from interpose.runtime.model_folder import Session
+from interpose.train.common import checkpoint
+from interpose.train.stitch.detail import size_of
 
 TOLERANCE = 2e-3
 TOLERANCE_STORED = 0.3

@@ -17,11 +17,11 @@ from torch import Tensor, nn
 
 from interpose.export import onnx_file
 from interpose.features import CHANNELS, HISTORY, JOINTS, RATE, SIDE_KEYS, state_shapes
-from interpose.models.gap_plan import Ends, GapPlan
 from interpose.models.geometry import PARENTS, facing, joint_positions, to_matrix, to_six
-from interpose.runtime.fading import FADE
+from interpose.models.planner import Ends, GapPlan
+from interpose.runtime.streaming.fading import FADE
 from interpose.skeleton import HUMANOID, MIRROR
-from interpose.stitching import ANCHORS, LONGEST_PLAN, PIECES
+from interpose.stitch_layout import ANCHORS, LONGEST_PLAN, PIECES
 
 TOLERANCE = 1e-3
 POSE = 3 + JOINTS * 6
@@ -114,7 +114,7 @@ class Aim(nn.Module):
         return (*target, bases)
 
     def _spread(self, part: Tensor) -> Tensor:
-        """The anchors' weights at those parts of the way, (batch, time, anchor): `interpose.stitching.spread`."""
+        """The anchors' weights at those parts of the way, (batch, time, anchor): `interpose.stitch_layout.spread`."""
         pieces: Tensor = self.get_buffer("pieces")
         count = ANCHORS + 1
         index = (part * count).floor().clamp(max=count - 1.0)
@@ -125,7 +125,7 @@ class Aim(nn.Module):
 
     @staticmethod
     def _added(planner: GapPlan, given: dict[str, Tensor], target: Sequence[Tensor]) -> Tensor:
-        """The likeliest plan, the mean of it and of its mirror image's: `interpose.runtime.planning.plan`."""
+        """The likeliest plan, the mean of it and of its mirror image's: `interpose.runtime.planner.plan`."""
         hips, rotations, positions = target
         steps = given["frames"]
         nil = torch.zeros_like
@@ -313,13 +313,13 @@ def _world(local: Tensor) -> Tensor:
 
 
 def _velocity(before: tuple[Tensor, Tensor], after: tuple[Tensor, Tensor]) -> Tensor:
-    """From each pose to the next, (batch, part, 3): `interpose.runtime.fading.velocity`."""
+    """From each pose to the next, (batch, part, 3): `interpose.runtime.streaming.fading.velocity`."""
     turn = _log(_quaternion(before[1].transpose(-1, -2) @ after[1]))
     return torch.cat([(after[0] - before[0])[:, None], turn], dim=1)
 
 
 def _mirror(name: str, value: Tensor) -> Tensor:
-    """An input of the plan in a mirror at x = 0: `interpose.runtime.planning.mirrored`."""
+    """An input of the plan in a mirror at x = 0: `interpose.runtime.planner.mirrored`."""
     kind = name.rpartition("_")[2]
     if kind == "hips":
         return value * _FLIP

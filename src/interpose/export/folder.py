@@ -17,7 +17,7 @@ from torch import nn
 
 from interpose.errors import InputError
 from interpose.features import RATE
-from interpose.runtime.session import FORMAT, Session
+from interpose.runtime.model_folder import FORMAT, Session
 from interpose.skeleton import HUMANOID
 
 Fill = Callable[[Path], Mapping[str, Any]]

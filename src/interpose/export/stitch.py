@@ -10,18 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from interpose import stitching
-from interpose.export import folder, onnx_file, plan
-from interpose.models.gap_plan import LONGEST
+from interpose import stitch_layout
+from interpose.export import folder, onnx_file, planner
+from interpose.models.planner import LONGEST
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Generator, Latent, Memory
-from interpose.train.stitch import model_of
+from interpose.train.stitch.recipe import model_of
 
 MADE = ("hips", "rotations", "positions", "velocities", "contacts", "phase")
 
 
 class Step(nn.Module):
-    """One step of a generator with flat inputs and outputs, in the order of `interpose.stitching`."""
+    """One step of a generator with flat inputs and outputs, in the order of `interpose.stitch_layout`."""
 
     def __init__(self, generator: Generator) -> None:
         super().__init__()
@@ -49,7 +49,7 @@ def export(
     network = {k: v for k, v in config["size"].items() if k != "plan"} | {"plan": config["size"]["plan"]}
 
     def fill(made: Path) -> dict[str, Any]:
-        wanted = stitching.network_shapes(network, size.styles)
+        wanted = stitch_layout.network_shapes(network, size.styles)
         outputs = [f"next_{name}" for name in (*MADE, *Memory._fields)]
         difference = {}
         for each, generator in (("front", model.front), ("back", model.back)):
@@ -59,10 +59,10 @@ def export(
 
             file = made / f"{each}.onnx"
             step = Step(generator)
-            difference[each] = onnx_file.write(step, file, inputs, outputs, plan.TOLERANCE, plan.TOLERANCE_STORED)
+            difference[each] = onnx_file.write(step, file, inputs, outputs, planner.TOLERANCE, planner.TOLERANCE_STORED)
         if "plan" in wanted:
             assert model.plan is not None
-            difference["plan"] = plan.write_plan(model.plan, made / "plan.onnx")
+            difference["plan"] = planner.write_plan(model.plan, made / "plan.onnx")
         course = config["course"]
         told: dict[str, Any] = {
             "network": network,

@@ -13,8 +13,8 @@ from interpose.errors import InputError
 from interpose.export import folder, onnx_file
 from interpose.features import JOINTS, target_shapes
 from interpose.models.target_pose import LONGEST, Complete, TargetPose
-from interpose.runtime.session import Session
-from interpose.train.target_pose import model_of
+from interpose.runtime.model_folder import Session
+from interpose.train.target.recipe import model_of
 
 TOLERANCE = 1e-3
 TOLERANCE_STORED = 0.3

@@ -17,8 +17,8 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.errors import InputError
-from interpose.figure import LEFT, MIDDLE, RIGHT, figure
 from interpose.io.files import write_whole
+from interpose.mannequin import LEFT, MIDDLE, RIGHT, figure
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 

@@ -13,7 +13,7 @@ gone and k those left,
 
 in 6-D, so that what the network adds decays to nothing at the target and arrival is exact whatever it says.
 
-With a planner (`interpose.models.gap_plan`, docs/method.md, D26) A is what that foresees of the whole gap, so that the
+With a planner (`interpose.models.planner`, docs/method.md, D26) A is what that foresees of the whole gap, so that the
 steps need not find the way, only walk it.
 """
 
@@ -41,9 +41,9 @@ from interpose.features import (
     SIDE_KEYS,
     output_layout,
 )
-from interpose.models.gap_plan import GapPlan, PlanSize
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import ExpertLinear, sinusoids
+from interpose.models.planner import GapPlan, PlanSize
 
 BANK = 256
 """Phase windows kept with the model."""

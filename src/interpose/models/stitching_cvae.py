@@ -5,7 +5,7 @@ experts, phases and geometry are all inside, so that training, ONNX and the run 
 generator is the same network with weights of its own, on motion that runs backwards.
 
 Two forms (`interpose.models.stitch_forms`): ``paper`` is the letter, ``yaw`` what works (docs/method.md, S1 to S8). A
-latent is one for the whole gap (``gap``), from a :class:`~interpose.models.gap_plan.GapPlan`, or one a frame
+latent is one for the whole gap (``gap``), from a :class:`~interpose.models.planner.GapPlan`, or one a frame
 (``frame``), from the generator's own encoder with latent interpolation (equations 1 and 2), as printed.
 """
 
@@ -21,8 +21,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from interpose.features import JOINTS
-from interpose.models.gap_plan import GapPlan, Normal, PlanSize, normal
 from interpose.models.layers import Cell, ExpertLinear, sinusoids
+from interpose.models.planner import GapPlan, Normal, PlanSize, normal
 from interpose.models.stitch_forms import FORMS, Aim, Body
 
 PHASES = 4

@@ -4,7 +4,7 @@ A conditional variational autoencoder (Sohn et al. 2015) of one pose. It sees th
 between and the style, and says the whole pose as what it differs by from the start pose, carried to where the given
 part is. Its latent is what the given part leaves open: nil for the likeliest pose, noise for others. Joints that are
 given keep their rotations, the hips their position; that other joints are where they should be is for the run time's
-inverse kinematics (`interpose.runtime.solve`).
+inverse kinematics (`interpose.runtime.ik.whole_body`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from interpose.features import CONTACTS, JOINTS, RATE
-from interpose.models.gap_plan import Normal, normal
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import residual_mlp
+from interpose.models.planner import Normal, normal
 from interpose.skeleton import HUMANOID
 
 POSE = 3 + JOINTS * 6

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from interpose.data import contacts, root
 from interpose.errors import InputError
-from interpose.figure import SOLE, Figure, figure
+from interpose.mannequin import SOLE, Figure, figure
 from interpose.motion import Motion
 from interpose.render.drawing import Actor, Colour
 from interpose.retarget.mapping import plan

@@ -17,7 +17,7 @@ from numpy import ndarray
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 from scipy.ndimage import gaussian_filter, minimum_filter
 
-from interpose.figure import RIGHT, Figure
+from interpose.mannequin import RIGHT, Figure
 
 SUPERSAMPLING = 3
 LIGHT = np.array([-0.42, 0.80, 0.43])

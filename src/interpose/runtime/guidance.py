@@ -17,10 +17,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose.drawn_path import following
+from interpose.drawn_path.path_file import Drawn
 from interpose.errors import InputError
 from interpose.features import RATE
-from interpose.gallery import drawn, paths, proposals
-from interpose.gallery.drawfile import Drawn
+from interpose.gallery import paths, proposals
 from interpose.gallery.matching import Query
 from interpose.gallery.proposals import Asked, Proposal, Unreachable
 from interpose.gallery.speeds import Suggestion, group_of
@@ -29,9 +30,10 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import Ends
 from interpose.gallery.windows import SHORTEST
 from interpose.motion import Motion
-from interpose.runtime import blends, methods, rollout
+from interpose.runtime import methods, style_blend
+from interpose.runtime.backends import dcmoe
+from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path
-from interpose.runtime.session import Session
 
 CLEARLY = 0.7
 """How many times as far from the network's own way a trajectory of another style may be, to be taken."""
@@ -100,7 +102,7 @@ def suggestion(gallery: Gallery | None, gap: Gap, wish: Wish) -> Suggestion:
     """How long the gap should take. Raises InputError where there is no gallery, and :class:`Unreachable`."""
     if gallery is None:
         raise InputError("how long this takes is not known without a gallery; give a number of frames, or a gallery")
-    leading = blends.leading(wish.style)
+    leading = style_blend.leading(wish.style)
     style = leading if leading in gallery.styles else None
     return proposals.suggestion(gallery, gap.query, gap.ends, style, wish.seed)
 
@@ -151,7 +153,7 @@ def _matched(
 ) -> tuple[list[Plan], str | None]:
     """Plans along trajectories of the gallery, and what could not be served as asked; ``steps``: of the likeliest."""
     query, ends, note = gap.query, gap.ends, None
-    style = blends.leading(wish.style)
+    style = style_blend.leading(wish.style)
     if style is not None and style not in gallery.styles:
         note = f"the gallery has no trajectory in style '{style}'; those of all its styles were matched"
         style = None
@@ -207,7 +209,7 @@ def _own_way(session: Session, gap: Gap, steps: int, wish: Wish) -> Path:
     context = start.root_positions[None], start.local_rotations[None]
     target = goal.root_positions[:1], goal.local_rotations[:1]
     if session.foresees(steps):
-        root = rollout.foreseen(session, context, target, steps - 1, wish.style, wish.strength)
+        root = dcmoe.foreseen(session, context, target, steps - 1, wish.style, wish.strength)
     else:
         made = methods.generate_batch(session, *context, *target, steps - 1, style=[wish.style], strength=wish.strength)
         root = made[0][0]
@@ -219,9 +221,9 @@ def _own_way(session: Session, gap: Gap, steps: int, wish: Wish) -> Path:
 
 def _drawn(gallery: Gallery | None, gap: Gap, wish: Wish) -> Plan:
     assert wish.line is not None
-    leading = blends.leading(wish.style)
+    leading = style_blend.leading(wish.style)
     style = leading if gallery is not None and leading in gallery.styles else None
-    path = drawn.follow(gallery, wish.line, gap.query, Asked(wish.steps, wish.speed, style), gap.ends, wish.seed)
+    path = following.follow(gallery, wish.line, gap.query, Asked(wish.steps, wish.speed, style), gap.ends, wish.seed)
     return Plan(len(path) - 1, path, "drawn")
 
 

@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from interpose import retarget
+from interpose.drawn_path.path_file import Drawn
 from interpose.errors import InputError
-from interpose.gallery.drawfile import Drawn
 from interpose.gallery.speeds import Suggestion
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
 from interpose.parts import Parts
-from interpose.runtime import guidance, targets
+from interpose.runtime import guidance, target_parts
 from interpose.runtime.guidance import Gap, Plan
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
-from interpose.runtime.judgement import apart, judge
+from interpose.runtime.ranking import apart, judge
 from interpose.runtime.request import Alternative, Info, Request, Suggested
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, user_frames
 from interpose.runtime.transition import Made, generate
@@ -179,15 +179,21 @@ def _to_parts(
 ) -> list[tuple[Candidate, float]]:
     """Candidates and their costs, each to an ending of its own that has the given ``parts`` of the target."""
     steps = None if frames is None else model_steps(frames, start.rate)
-    wish = targets.Wish(steps, request.style, request.strength, request.seed)
+    wish = target_parts.Wish(steps, request.style, request.strength, request.seed)
     begin, goal = aligned(start[-1], target[0])
     _check_finite(begin, goal)
     out = []
-    for i, end in enumerate(targets.complete(start, target, parts, request.session, mapping, wish, variants)):
+    for i, end in enumerate(target_parts.complete(start, target, parts, request.session, mapping, wish, variants)):
         assert isinstance(mapping, retarget.Mapping)
         each = replace(request, seed=request.seed + i)
         ((candidate, cost),) = _transitions(
-            [start], end.pose, frames, each, mapping, names, lambda pose: targets.missed(pose, goal, parts, mapping)
+            [start],
+            end.pose,
+            frames,
+            each,
+            mapping,
+            names,
+            lambda pose: target_parts.missed(pose, goal, parts, mapping),
         )
         notes = [note for note in (end.note, candidate.info.fallback) if note is not None]
         info = replace(candidate.info, seed=request.seed, fallback="; ".join(notes) or None, target_joints=str(parts))

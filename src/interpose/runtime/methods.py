@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.runtime import dual, rollout, stitched
+from interpose.runtime.backends import dcmoe, dcmoe_both_ends, stitch
+from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path
-from interpose.runtime.session import Session
 
 
 def generate_batch(
@@ -28,14 +28,15 @@ def generate_batch(
     strength: float = 1.0,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 4"], Float[ndarray, "batch frame 4"]]:
     """Hips, local rotations and contact probabilities by the model's own method; see
-    `interpose.runtime.rollout.generate_batch`. arriving: the joints' velocities at the target, where they are known and
-    the method sees them. strength: of the styles, see `interpose.runtime.session.Session.style_weights`."""
+    `interpose.runtime.backends.dcmoe.generate_batch`. arriving: the joints' velocities at the target, where they are
+    known and the method sees them. strength: of the styles, see
+    `interpose.runtime.model_folder.Session.style_weights`."""
     keys = start_root, start_local, target_root, target_local
     if session.method == "stitch":
-        return stitched.stitch(session, *keys, frames, style, seed, vary, paths, control, arriving, strength)[0]
+        return stitch.stitch(session, *keys, frames, style, seed, vary, paths, control, arriving, strength)[0]
     if "back" in session.shapes:
-        return dual.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving, strength)
-    return rollout.generate_batch(
+        return dcmoe_both_ends.generate_batch(session, *keys, frames, style, seed, vary, paths, arriving, strength)
+    return dcmoe.generate_batch(
         session,
         *keys,
         frames,

@@ -11,17 +11,17 @@ from typing import Any
 from numpy import ndarray
 
 from interpose import parts, retarget
+from interpose.drawn_path import path_file
+from interpose.drawn_path.path_file import DrawnFile
 from interpose.errors import InputError
-from interpose.gallery import drawfile
-from interpose.gallery.drawfile import DrawnFile
 from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
+from interpose.runtime.model_folder import Session, load
 from interpose.runtime.request import PATHS, Request, Suggested
-from interpose.runtime.session import Session, load
-from interpose.runtime.stream import Stream
-from interpose.runtime.streams import Streams
+from interpose.runtime.streaming.stream import Stream
+from interpose.runtime.streaming.streams import Streams
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,8 @@ def _path(path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | N
         return path or "auto", None
     if isinstance(path, str | os.PathLike):
         name = os.fspath(path)
-        return name, drawfile.read(Path(name)) if name.lower().endswith(".json") else None
-    return "drawn", drawfile.of_points(path)
+        return name, path_file.read(Path(name)) if name.lower().endswith(".json") else None
+    return "drawn", path_file.of_points(path)
 
 
 def load_model(name: str | os.PathLike[str] | None = None) -> Model:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from interpose.drawn_path.path_file import DrawnFile
 from interpose.errors import InputError
-from interpose.gallery.drawfile import DrawnFile
 from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
 from interpose.parts import Parts
-from interpose.runtime import blends
-from interpose.runtime.session import Session
+from interpose.runtime import style_blend
+from interpose.runtime.model_folder import Session
 
 METHODS = ("dcmoe", "stitch", "stitch+detail", "interp")
 PATHS = ("auto", "straight", "none")
@@ -72,7 +72,7 @@ class Request:
                 f"a style's strength of {self.strength:g} needs a model with styles; choose dcmoe or stitch"
             )
         if self.style is not None and self.session is not None:
-            blends.check(self.style, self.session.styles, self.session.name)
+            style_blend.check(self.style, self.session.styles, self.session.name)
 
     @property
     def trajectories(self) -> Gallery | None:

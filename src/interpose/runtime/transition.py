@@ -17,11 +17,13 @@ from interpose import retarget
 from interpose.data.contacts import INDICES
 from interpose.gallery.paths import retime
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import feet, inertia, methods, rollout
+from interpose.runtime import inertia, methods
+from interpose.runtime.backends import dcmoe
+from interpose.runtime.feet import lock
 from interpose.runtime.guidance import Plan
 from interpose.runtime.interpolate import aligned
+from interpose.runtime.model_folder import Session
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
-from interpose.runtime.session import Session
 from interpose.skeleton import HUMANOID
 
 LANDING = 3
@@ -136,7 +138,7 @@ def generate(
     on_rig = retarget.from_humanoid(whole, mapping, details)
     ends = np.cumsum([n + 2 for n in frames]).tolist()
     return [
-        Made(on_rig[end - n - 2 : end], None if path is None else rollout.strayed(root, path) / mapping.scale)
+        Made(on_rig[end - n - 2 : end], None if path is None else dcmoe.strayed(root, path) / mapping.scale)
         for n, end, path, root in zip(frames, ends, paths, made[0], strict=True)
     ]
 
@@ -181,7 +183,7 @@ def _finished(
     if keys.after is not None:
         known = keys.after
         root, local = inertia.arrive(root, local, known.root, known.local, step, known.seconds)
-    local = feet.plant_batch(root, local, contacts)
+    local = lock.plant_batch(root, local, contacts)
     past = keys.context[0].shape[1] - 1
     root = np.concatenate([keys.context[0][:, :-1], root], axis=1)
     local = np.concatenate([keys.context[1][:, :-1], local], axis=1)

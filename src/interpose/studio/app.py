@@ -18,16 +18,16 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from interpose.errors import InputError
-from interpose.studio import projects, rigs, wire
-from interpose.studio.desk import MALFORMED, Desk, Refused, Serve, Workshop
+from interpose.studio import messages, projects, rigs
 from interpose.studio.export import EXPORT, export
-from interpose.studio.guard import Guard, allowed_hosts, headers
+from interpose.studio.handlers import answer
 from interpose.studio.methods import Sessions, offered
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
 from interpose.studio.rigs import Shelf, Unknown
 from interpose.studio.sample import sample
+from interpose.studio.scheduler import MALFORMED, Desk, Refused, Serve, Workshop
+from interpose.studio.security import Guard, allowed_hosts, headers
 from interpose.studio.static import found
-from interpose.studio.work import answer
 
 Made = TypeVar("Made")
 
@@ -58,7 +58,7 @@ def create_app(
     kept = Shelf() if shelf is None else shelf
     named = Opened(source=None, project=None) if opened is None else opened
     workshop = Workshop(partial(answer, shelf=kept, sessions=sessions) if serve is None else serve)
-    welcome = wire.pack(Welcome(type="welcome", version=version("interpose"), methods=offered(sessions)), {})
+    welcome = messages.pack(Welcome(type="welcome", version=version("interpose"), methods=offered(sessions)), {})
     heavy = asyncio.Semaphore(HEAVY)
     connections: set[WebSocket] = set()
 
@@ -89,7 +89,7 @@ def create_app(
 
         def work() -> bytes:
             short = name[:120] or "clip.bvh"
-            return wire.pack(*rigs.told(kept.open(data, short), short))
+            return messages.pack(*rigs.told(kept.open(data, short), short))
 
         return _bytes(await in_thread(work))
 
@@ -103,7 +103,7 @@ def create_app(
         data = await _body(request)
 
         def work() -> bytes:
-            asked, arrays = wire.unpack(data, EXPORT)
+            asked, arrays = messages.unpack(data, EXPORT)
             return export(asked, arrays, kept.get(asked.rig))
 
         return _bytes(await in_thread(work))

@@ -12,7 +12,7 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.io import bvh, gltf
 from interpose.motion import Motion
-from interpose.studio import rows
+from interpose.studio import pose_rows
 from interpose.studio.protocol import Export
 from interpose.studio.rigs import Clip
 
@@ -30,7 +30,7 @@ def export(asked: Export, arrays: Mapping[str, ndarray], clip: Clip) -> bytes:
     """
     if set(arrays) != {"frames"}:
         raise InputError("an export has one array, frames")
-    motion = rows.to_motion(arrays["frames"], clip.motion, "the motion")
+    motion = pose_rows.to_motion(arrays["frames"], clip.motion, "the motion")
     if asked.format == "glb":
         return gltf.encode({"motion": motion})
     return bvh.serialize(motion, _same(asked.rows, motion, clip.motion))

@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 from interpose.demo import poses
 from interpose.errors import InputError
-from interpose.runtime import session
+from interpose.runtime import model_folder
 from interpose.runtime.inbetween import inbetween, mapping_of, suggest
+from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
-from interpose.runtime.session import Session
 from interpose.studio.protocol import MethodInfo
 
 Sessions = Mapping[str, Session]
@@ -23,7 +23,7 @@ def load() -> Sessions:
     found: dict[str, Session] = {}
     for method in TRAINED:
         try:
-            found[method] = session.load(None, method=method)
+            found[method] = model_folder.load(None, method=method)
         except InputError:
             continue
     return MappingProxyType(found)

@@ -10,10 +10,10 @@ from numpy import ndarray
 from pydantic import ValidationError
 
 from interpose.errors import InputError
-from interpose.studio import rows
+from interpose.studio import pose_rows
 from interpose.studio.protocol import GapSettings, Line, Project, ProjectKey
 from interpose.studio.rigs import Clip, Shelf
-from interpose.studio.words import said
+from interpose.studio.validation_messages import said
 
 
 def read(data: bytes, shelf: Shelf, name: str = "the project") -> Project:
@@ -62,7 +62,7 @@ def _check_key(key: ProjectKey, after: ProjectKey | None, clip: Clip, place: str
         pose = _decoded(key.pose, f"{place}.pose", clip)
         if len(pose) != 1:
             raise InputError(f"{place}.pose has {len(pose)} poses; a key has one")
-        rows.to_motion(pose, clip.motion, f"{place}.pose")
+        pose_rows.to_motion(pose, clip.motion, f"{place}.pose")
     if key.motion is None:
         return
     if after is None:
@@ -71,7 +71,7 @@ def _check_key(key: ProjectKey, after: ProjectKey | None, clip: Clip, place: str
     if len(motion) != wanted:
         raise InputError(f"{place}.motion has {len(motion)} frames, but {wanted} lie between this key and the next")
     if wanted:
-        rows.to_motion(motion, clip.motion, f"{place}.motion")
+        pose_rows.to_motion(motion, clip.motion, f"{place}.motion")
 
 
 def _check_cut(key: ProjectKey, after: ProjectKey, place: str) -> None:
@@ -98,7 +98,7 @@ def _decoded(text: str, place: str, clip: Clip) -> ndarray:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError):
         raise InputError(f"{place} is not base64; save the project again") from None
-    wide = rows.width(clip.motion)
+    wide = pose_rows.width(clip.motion)
     if len(data) % (4 * wide):
         raise InputError(f"{place} has {len(data)} bytes, which are no poses of {4 * wide} bytes each")
     made = np.frombuffer(data, "<f4").reshape(-1, wide)

@@ -13,15 +13,15 @@ from numpy import ndarray
 from interpose import retarget
 from interpose.data.contacts import JOINTS, REST_HEIGHTS
 from interpose.errors import InputError
-from interpose.figure import figure
 from interpose.io import bvh
+from interpose.mannequin import figure
 from interpose.motion import Motion
 from interpose.rotation import rotate
 from interpose.runtime.inbetween import mapping_of
 from interpose.skeleton import HUMANOID
-from interpose.studio import rows
+from interpose.studio import pose_rows
+from interpose.studio.messages import shapes
 from interpose.studio.protocol import Foot, Rig
-from interpose.studio.wire import shapes
 
 ROOM = 512 * 1024 * 1024
 """Bytes of opened files that are kept at most, the newest in any case."""
@@ -108,7 +108,7 @@ def told(clip: Clip, name: str) -> tuple[Rig, dict[str, ndarray]]:
     body = figure(motion)
     arrays: dict[str, ndarray] = {
         "offsets": motion.skeleton.offsets,
-        "frames": rows.of_motion(motion),
+        "frames": pose_rows.of_motion(motion),
         "vertices": body.vertices,
         "normals": body.normals,
         "carriers": body.joints,

@@ -1,0 +1,259 @@
+"""How fast a drawn line is walked: piece by piece as people in the gallery walk such pieces, slower round its corners.
+
+The curve is cut where it turns, into pieces of one to four metres. For each the gallery is asked as for any
+gap; of the windows that lead from one end to the other those count that are about as long on the way as the piece is,
+so that a bow is timed by bows. Their weighted durations give the piece's pace (`speeds`); the mean progress of those at
+the line's two ends says how it sets out and arrives, from rest or in full swing. Paces are smoothed along the line, it
+is slowed where nobody turns that fast, and its speed has no jumps.
+
+A *schedule* is the time at each sample of a curve, seconds from 0, ascending.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter1d
+
+from interpose.drawn_path.curve import SHORT, Curve, gaussian
+from interpose.features import RATE
+from interpose.gallery import matching, weighing
+from interpose.gallery.matching import IN_PLACE, Query
+from interpose.gallery.proposals import Asked
+from interpose.gallery.speeds import group_of, suggest
+from interpose.gallery.store import Gallery
+from interpose.gallery.weighing import SKETCH, Costs, Ends, Pool
+from interpose.gallery.windows import LONGEST, SHORTEST
+
+SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
+"""Metres."""
+BEND = 0.6
+"""Radians: where the direction has turned so far, a piece that is long enough ends."""
+MOST_PIECES = 20
+"""Pieces that are asked for; with the second try of those that find nothing, 40 queries at most."""
+LIKE_LENGTH = 0.15
+"""The logarithm of a window's own length over the piece's that counts as one unit of deviation (`Costs`)."""
+ANY_FACING = replace(matching.DEFAULT, threshold=2.0 * np.pi, tolerance=0.1)
+"""Where nothing fits, how a piece is walked whichever way one faces."""
+SWAY = 1.2
+"""How many times as long as a piece a window may be before it counts as a longer way, for hips sway."""
+UNLIKE = 0.5
+"""The logarithm of the windows' own length over the piece's at which its pace is little trusted beside the others'."""
+LEAST_SHARE = 0.05
+"""Of the mean speed of a piece, what it is at least everywhere in it."""
+TURNING = 4.5
+"""Radians a second at most along the curve."""
+ALONG = 1.0
+"""Metres: the standard deviation of the Gaussian over which the pieces' paces are smoothed."""
+SIDEWAYS, BRAKING = 4.0, 4.0
+"""m/s^2 at most: outward in a bend, and on the way into and out of a corner."""
+STEP = 1.0 / 120.0
+"""Seconds between the speeds that are smoothed."""
+SMOOTH = 0.15
+"""Seconds: the standard deviation of the Gaussian over speeds."""
+FADE = 0.5
+"""Seconds within which the speed goes over from a known one at a key to the line's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """How far along a curve one is over time. arc: metres at evenly spaced times from 0 to ``duration`` seconds."""
+
+    arc: Float[ndarray, "time"]
+    duration: float
+
+    def sampled(self, steps: int) -> Float[ndarray, "time"]:
+        """Metres at ``steps`` + 1 frames, the whole taking ``steps`` whatever it took."""
+        return np.interp(np.linspace(0.0, 1.0, steps + 1), np.linspace(0.0, 1.0, len(self.arc)), self.arc)
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """How a piece is walked. seconds: as suggested. slow: seconds a metre. haste: how many times faster the speed asked
+    for is. profile: speeds at equal shares of the time, over their mean."""
+
+    seconds: float
+    slow: float
+    haste: float
+    profile: Float[ndarray, "leg"]
+    trust: float
+
+
+def by_gallery(
+    gallery: Gallery, curve: Curve, facing: Float[ndarray, "sample"], ends: Ends, asked: Asked, seed: int
+) -> Float[ndarray, "sample"] | None:
+    """The schedule of a curve walked with those facings, in ``asked.style`` and at ``asked.speed``; None where the
+    gallery has nothing like any piece of it. Raises InputError for a style that it lacks, or an unknown speed."""
+    styles = gallery.style_indices(asked.style)
+    draw = np.random.default_rng(seed)
+    cuts = pieces(curve)
+    lengths = np.diff(curve.arc[cuts])
+    last = len(lengths) - 1
+    walks: dict[int, _Walk] = {}
+    for piece in np.unique(np.round(np.linspace(0, last, min(len(lengths), MOST_PIECES))).astype(int)).tolist():
+        outer = (piece == 0, piece == last)
+        query = Query(*(_place(curve, facing, cut) for cut in cuts[piece : piece + 2]))
+        pool = _pool(gallery, query, ends, outer, styles, draw)
+        if pool is not None:
+            walks[piece] = _walk(gallery, pool, float(lengths[piece]), ends, outer, asked.speed)
+    if not walks:
+        return None
+    if curve.length < IN_PLACE:
+        return evenly(curve, walks[0].seconds / walks[0].haste)
+    asked_for = np.array(sorted(walks))
+    middles = curve.arc[cuts][:-1] + lengths / 2.0
+    trusted = lengths[asked_for] * [walks[piece].trust for piece in asked_for]
+    near = (np.exp(-0.5 * np.square((middles[:, None] - middles[asked_for]) / ALONG)) + 1e-12) * trusted
+    slow = np.average(np.tile([walks[piece].slow for piece in asked_for], (last + 1, 1)), axis=1, weights=near)
+    haste = np.exp(np.average(np.log([walks[piece].haste for piece in asked_for]), weights=trusted))
+    at = (curve.arc[:-1] + curve.arc[1:]) / 2.0
+    profiles = {piece: walks[piece].profile for piece in {0, last} & walks.keys()}
+    seconds = np.diff(curve.arc) * np.interp(at, middles, slow) * _slowness(at, curve.arc[cuts], profiles)
+    schedule = np.concatenate([[0.0], np.cumsum(seconds)])
+    return schedule * (float(lengths @ slow) / float(haste) / schedule[-1])
+
+
+def evenly(curve: Curve, seconds: float) -> Float[ndarray, "sample"]:
+    """The schedule of an even pace."""
+    share = np.linspace(0.0, 1.0, len(curve.arc)) if curve.length < SHORT else curve.arc / curve.length
+    return share * seconds
+
+
+def progress(curve: Curve, schedule: Float[ndarray, "sample"], speeds: tuple[float | None, float | None]) -> Progress:
+    """A schedule made fit to be walked: slower in corners, without jumps in speed, and from and to the ``speeds`` at
+    the ends, m/s along the curve, that are known. It takes longer by what the corners cost."""
+    if curve.length < SHORT:
+        return Progress(curve.arc, float(schedule[-1]))
+    cells = np.diff(curve.arc)
+    squares = np.square(np.minimum(cells / np.maximum(np.diff(schedule), 1e-9), _fastest(curve)))
+    slope = 2.0 * BRAKING * (curve.arc[1:] - curve.arc[1])
+    squares = np.minimum.accumulate(squares - slope) + slope
+    slope = 2.0 * BRAKING * (curve.arc[-1] - curve.arc[1:])
+    squares = (np.minimum.accumulate((squares - slope)[::-1]) + slope[::-1])[::-1]
+    times = np.concatenate([[0.0], np.cumsum(cells / np.sqrt(squares))])
+    count = max(int(np.ceil(times[-1] / STEP)), 8)
+    even = np.linspace(0.0, times[-1], count + 1)
+    step = float(even[1])
+    pace = np.diff(np.interp(even, times, curve.arc)) / step
+    pace = gaussian_filter1d(pace, SMOOTH / step, mode="reflect")
+    middles = (even[:-1] + even[1:]) / 2.0
+    fade = min(FADE, float(times[-1]) / 2.0)
+    for speed, since in zip(speeds, (middles, times[-1] - middles), strict=True):
+        if speed is not None:
+            at_key = pace[0 if since is middles else -1]
+            pace = pace + (speed - at_key) * np.maximum(1.0 - since / fade, 0.0) ** 2
+    arc = np.concatenate([[0.0], np.cumsum(np.maximum(pace, 0.0))])
+    return Progress(arc * (curve.length / arc[-1]), float(times[-1]))
+
+
+def by_times(curve: Curve, passed: Float[ndarray, "knot"], times: Float[ndarray, "knot"]) -> Progress:
+    """Progress that passes the arc lengths ``passed``, never falling from 0 to the curve's length, at those ``times``,
+    ascending from 0: monotone between them, its speed smoothed over a tenth of a second."""
+    count = max(int(np.ceil(times[-1] / STEP)), 8)
+    even = np.linspace(0.0, times[-1], count + 1)
+    arc = np.maximum.accumulate(gaussian(PchipInterpolator(times, passed)(even), 0.1 / float(even[1])))
+    return Progress(np.clip(arc, 0.0, curve.length), float(times[-1]))
+
+
+def pieces(curve: Curve) -> list[int]:
+    """The samples at which a curve is cut, its first and last among them."""
+    cuts, last = [0], len(curve.arc) - 1
+    while True:
+        begin = cuts[-1]
+        least, most = np.searchsorted(curve.arc, curve.arc[begin] + [SHORTEST_PIECE, LONGEST_PIECE]).tolist()
+        heading = curve.heading[begin : most + 1]
+        turned = np.maximum.accumulate(heading) - np.minimum.accumulate(heading)
+        end = min(max(begin + int(np.searchsorted(turned, BEND)), least), most)
+        if curve.length - curve.arc[min(end, last)] < SHORTEST_PIECE / 2.0:
+            return [*cuts, last]
+        cuts.append(end)
+
+
+def _pool(
+    gallery: Gallery,
+    query: Query,
+    ends: Ends,
+    outer: tuple[bool, bool],
+    styles: tuple[int, ...] | None,
+    draw: np.random.Generator,
+) -> Pool | None:
+    """The windows for a piece whose ends are ``outer`` or not; where there are none, those for any facing, or None."""
+    before, after = (velocity if there else None for velocity, there in zip(ends.velocities, outer, strict=True))
+    known = Ends(ends.postures if all(outer) else None, (before, after))
+    for settings in (matching.DEFAULT, ANY_FACING):
+        pool = weighing.gather(gallery, query, known, (SHORTEST, LONGEST), styles, draw, settings=settings)
+        if len(pool):
+            return pool
+    return None
+
+
+def _walk(
+    gallery: Gallery, pool: Pool, length: float, ends: Ends, outer: tuple[bool, bool], speed: str | None
+) -> _Walk:
+    """How a piece is walked by the windows that fit it."""
+    legs = np.linalg.norm(np.diff(pool.sketch, axis=1), axis=-1)
+    own = legs.sum(axis=1) + 1e-3
+    weights = _weights(gallery, pool, own, length, ends, outer)
+    told = suggest(pool.found.steps, weights)
+    steps = told.steps if speed is None else group_of(told, speed).steps
+    mean = float(np.exp(np.average(np.log(own), weights=weights)))
+    walked = max(min(mean, length), mean / SWAY)
+    trust = float(np.exp(-0.5 * np.square(np.log(mean / max(length, 1e-3)) / UNLIKE))) + 1e-3
+    profile = np.average(legs / own[:, None], axis=0, weights=weights) * legs.shape[1]
+    seconds = told.steps / RATE
+    return _Walk(seconds, seconds / walked, told.steps / steps, np.maximum(profile, LEAST_SHARE), trust)
+
+
+def _weights(
+    gallery: Gallery,
+    pool: Pool,
+    own: Float[ndarray, "window"],
+    length: float,
+    ends: Ends,
+    outer: tuple[bool, bool],
+) -> Float[ndarray, "window"]:
+    """How much each window counts: by its cost, its own length beside the piece's, and its posture at an outer end."""
+    cost = pool.cost.copy()
+    if length >= IN_PLACE:
+        cost += 0.5 * np.square(np.log(own / length) / LIKE_LENGTH)
+    if ends.postures is not None and not all(outer):
+        found = pool.found
+        for frame, wanted, here in zip((found.start, found.start + found.steps), ends.postures, outer, strict=True):
+            if here:
+                cost += 0.5 * weighing.unlike(gallery.tracks, found, frame, wanted, Costs())
+    return np.exp(cost.min() - cost)
+
+
+def _slowness(
+    at: Float[ndarray, "cell"], cuts: Float[ndarray, "cut"], profiles: dict[int, ndarray]
+) -> Float[ndarray, "cell"]:
+    """How much longer than evenly each place takes within the first and the last piece, as their windows are walked;
+    towards inner ends, where a window ends and the line goes on, it takes its time evenly."""
+    slowness = np.ones(len(at))
+    share = (np.arange(len(SKETCH) - 1) + 0.5) / (len(SKETCH) - 1)
+    last = len(cuts) - 2
+    for piece, profile in profiles.items():
+        kept = np.maximum(
+            *(np.clip(2.0 * t, 0.0, 1.0) * here for t, here in ((1.0 - share, piece == 0), (share, piece == last)))
+        )
+        speed = 1.0 + kept * (profile - 1.0)
+        speed /= speed.mean()
+        done = np.cumsum(speed) / len(speed) - speed / len(speed) / 2.0
+        inside = (at >= cuts[piece]) & (at <= cuts[piece + 1])
+        slowness[inside] = np.interp((at[inside] - cuts[piece]) / (cuts[piece + 1] - cuts[piece]), done, 1.0 / speed)
+    return slowness
+
+
+def _fastest(curve: Curve) -> Float[ndarray, "cell"]:
+    """The speed between samples that turning allows."""
+    bend = np.maximum(np.abs(np.diff(curve.heading)) / np.diff(curve.arc), 1e-9)
+    return np.minimum(TURNING / bend, np.sqrt(SIDEWAYS / bend))
+
+
+def _place(curve: Curve, facing: Float[ndarray, "sample"], sample: int) -> tuple[float, float, float]:
+    x, z = curve.points[sample].tolist()
+    return x, z, float(facing[sample])

@@ -1,0 +1,147 @@
+"""Where a foot stands: a place for the toe and one for the heel in each stance that `interpose.runtime.feet.stances`
+finds.
+
+Places are chosen so that what is asked of the legs stays possible: frames that would need too long a way to a place, or
+that the leg does not reach, are let go, and so are those that would leave no time to come from one place to the next,
+or to a key.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from interpose.runtime.feet.stances import Settings
+
+RISE = 0.005
+"""Metres a frame by which the floor may rise from a key that is below it."""
+_BESIDE = 0.08
+"""Metres from a key's place within which a stance beside the key is at that place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footing:
+    """Where one foot stands. held, toe: whether the toe does, in each frame, and where. flat, heel: so of the ankle."""
+
+    held: Bool[ndarray, "frame"]
+    toe: Float[ndarray, "frame 3"]
+    flat: Bool[ndarray, "frame"]
+    heel: Float[ndarray, "frame 3"]
+
+
+def footing(
+    leg: Float[ndarray, "frame 4 3"],
+    heel_down: Float[ndarray, "frame"],
+    spans: list[slice],
+    reach: float,
+    settings: Settings,
+) -> Footing:
+    """The places of one foot in its stances.
+
+    ``leg``: hip, knee, ankle and toe. ``heel_down``: probability that the heel is. ``reach``: of hip to toe, metres. A
+    stance that holds a key stands where the key stands; one that holds both goes from the one to the other, slowly.
+    """
+    hip, ankle, toe = leg[:, 0], leg[:, 2], leg[:, 3]
+    frames = len(toe)
+    held, flat = np.zeros(frames, dtype=bool), np.zeros(frames, dtype=bool)
+    places, heels = toe.copy(), ankle.copy()
+    lowest = floor(toe[:, 1], settings.toe_heights[0])
+    down = (heel_down > 0.5) & (ankle[:, 1] < settings.ankle_heights[1] + settings.above)
+    for span in spans:
+        place = _held_by_keys(toe, span)
+        if place is None:
+            place = _beside_key(toe, span, settings)[None]
+            if place[0, 1] < settings.toe_heights[1] + settings.above:
+                place[0, 1] = np.clip(place[0, 1], *settings.toe_heights)
+        place = np.broadcast_to(place, toe[span].shape).copy()
+        place[:, 1] = np.maximum(place[:, 1], lowest[span])
+        near = np.linalg.norm(toe[span] - place, axis=-1) <= settings.stretch
+        near &= np.linalg.norm(place - hip[span], axis=-1) <= reach
+        kept = _kept(near, span, frames, settings.shortest)
+        held[span], places[span] = kept, np.where(kept[:, None], place, toe[span])
+        rises = 0 if span.stop == frames else settings.heel_first
+        flats = np.flatnonzero((down[span] & kept)[: len(kept) - rises])
+        if len(flats) >= settings.shortest:
+            stays = slice(span.start + int(flats[0]), span.start + int(flats[-1]) + 1)
+            direction = _held_by_keys(ankle - toe, stays)
+            if direction is None:
+                direction = (ankle - toe)[stays].mean(axis=0)[None]
+            direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+            length = np.linalg.norm(ankle[0] - toe[0])
+            flat[stays] = held[stays]
+            heels[stays] = places[stays] + direction * length
+    return Footing(held, places, flat, heels)
+
+
+def _held_by_keys(values: Float[ndarray, "frame 3"], span: slice) -> Float[ndarray, "_ 3"] | None:
+    """What a span that holds a key takes from it, one row or one a frame; None for one that holds none."""
+    at_start, at_target = span.start == 0, span.stop == len(values)
+    if at_start and at_target:
+        share = np.linspace(0.0, 1.0, len(values))[:, None]
+        return values[:1] + share**2 * (3.0 - 2.0 * share) * (values[-1:] - values[:1])
+    if at_start:
+        return values[:1]
+    return values[-1:] if at_target else None
+
+
+def _beside_key(toe: Float[ndarray, "frame 3"], span: slice, settings: Settings) -> Float[ndarray, "3"]:
+    """The mean place of a stance that holds no key; the key's where the foot only just lands there or leaves it."""
+    mean = toe[span].mean(axis=0)
+    for key, since in ((0, span.start), (-1, len(toe) - span.stop)):
+        apart = np.linalg.norm((toe[key] - mean)[::2])
+        if since <= settings.shortest_swing and toe[key, 1] < settings.key_low and apart < _BESIDE:
+            return np.array([toe[key, 0], mean[1], toe[key, 2]])
+    return mean
+
+
+def _kept(near: Bool[ndarray, "part"], span: slice, frames: int, shortest: int) -> Bool[ndarray, "part"]:
+    """The unbroken frames next to the keys that a stance holds, or the longest where it holds none."""
+    if near.all():
+        return near
+    kept = np.zeros_like(near)
+    if span.start == 0:
+        kept[: int(np.argmin(near))] = True
+    if span.stop == frames:
+        kept[len(near) - int(np.argmin(near[::-1])) :] = True
+    if span.start > 0 and span.stop < frames:
+        longest = max(spans(near), key=lambda s: s.stop - s.start, default=slice(0, 0))
+        kept[longest] = longest.stop - longest.start >= shortest
+    return kept
+
+
+def floor(heights: Float[ndarray, "*leg frame"], level: float) -> Float[ndarray, "*leg frame"]:
+    """The lowest allowed height in each frame: ``level``, or what a lower key comes from or goes to."""
+    away = np.arange(heights.shape[-1]) * RISE
+    return np.minimum(level, np.minimum(heights[..., :1] + away, heights[..., -1:] + away[::-1]))
+
+
+def eased(
+    wanted: Float[ndarray, "frame 3"], held: Bool[ndarray, "frame"], settings: Settings
+) -> Bool[ndarray, "frame"]:
+    """``held`` without those frames that leave too little time to come from one correction, or a key, to the next."""
+    last = len(held) - 1
+    kept = held.copy()
+    kept[[0, last]] = True  # the keys are anchors: their correction is zero
+    way = np.where(held[:, None], wanted, 0.0)
+    way[[0, last]] = 0.0
+    length = np.linalg.norm(way, axis=-1)
+    while True:
+        count = np.count_nonzero(kept)
+        for key, beside in ((0, 1), (last, last - 1)):
+            kept[beside] &= held[key] or length[beside] <= settings.pace
+        for breach in spans(~kept):
+            left, right = breach.start - 1, breach.stop
+            apart = np.linalg.norm(way[right] - way[left])
+            if apart > settings.pace * (right - left):
+                kept[left if right == last or (left > 0 and length[left] > length[right]) else right] = False
+        if np.count_nonzero(kept) == count:
+            return kept & held
+
+
+def spans(mask: Bool[ndarray, "frame"]) -> list[slice]:
+    """The runs of frames in which the mask is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

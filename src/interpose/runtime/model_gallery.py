@@ -1,0 +1,127 @@
+"""A gallery that may travel with a model: root tracks of the model's own motion, not of anybody's recording.
+
+Chains of gaps are rolled out along clips of a database: the key poses, half a second to three apart, are the clip's,
+each gap begins with what was made for the one before, and the root goes where the network leads it. The chain is then
+read half-way between its frames, so that no frame of it is a recorded one. `interpose gallery generate` does this.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+
+from interpose.data.database import Database
+from interpose.errors import InputError
+from interpose.gallery import store
+from interpose.gallery.tracks import Tracks, from_motions
+from interpose.io.files import write_whole
+from interpose.motion import Motion, concatenate, sample
+from interpose.runtime import methods
+from interpose.runtime.model_folder import Session
+from interpose.runtime.resampling import CONTEXT, MODEL_RATE
+from interpose.skeleton import HUMANOID
+
+FRAMES = 18_000
+"""Frames of a gallery that travels with a model; its index is ready in a quarter of a second."""
+GAPS = (15, 90)
+"""Steps between keys, at least and at most."""
+CHAIN = 600
+"""Steps of a chain at most."""
+SHORTEST = 2 * GAPS[1]
+"""Frames that a clip must have to carry one."""
+
+
+def add_gallery(
+    session: Session,
+    database: Database,
+    frames: int = FRAMES,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> store.Gallery:
+    """Writes `gallery.npz` into the model's folder and says in its `model.json` what it was made from.
+
+    Raises InputError where ``frames`` is too few, no clip is long enough, or the folder cannot be written to.
+    """
+    if frames < CHAIN:
+        raise InputError(f"a gallery of {frames} frames is too small; ask for {CHAIN} or more")
+    made = tracks(session, database, frames, seed, progress)
+    keys = f"key poses of {database.dataset} {database.fingerprint[:12]}".strip()
+    info = {
+        "made_from": f"motion that the model '{session.name}' generated between {keys}; no recorded frame is in it",
+        "licence": session.info["licence"],
+        "frames": len(made),
+        "seed": seed,
+    }
+    store.save_small(made, info, session.path / "gallery.npz")
+    told = session.info | {"gallery": {**info, "styles": list(made.styles)}}
+    write_whole(session.path / "model.json", (json.dumps(told, indent=2) + "\n").encode())
+    return store.load(session.path / "gallery.npz")
+
+
+def tracks(
+    session: Session,
+    database: Database,
+    frames: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Tracks:
+    """About ``frames`` frames of the model's motion along the clips of a database, evenly over its styles.
+
+    Raises InputError where no clip is long enough.
+    """
+    draw = np.random.default_rng(seed)
+    chains = _chains(database, frames, draw)
+    if not chains:
+        raise InputError(f"{database.path}: no clip is longer than {SHORTEST} frames; chains of gaps need longer ones")
+    labels = [database.styles[database.style_indices()[clip]] for clip, _ in chains]
+    styles = [label if label in session.styles else None for label in labels]
+    keys = [keys for _, keys in chains]
+    made = [database.motion(k[0], k[0] + 1) for k in keys]
+    rounds = max(map(len, keys)) - 1
+    for turn in range(rounds):
+        progress(turn, rounds)
+        rows = [row for row, k in enumerate(keys) if len(k) > turn + 1]
+        context = [made[row][-CONTEXT if turn else -1 :] for row in rows]
+        target = [database.motion(keys[row][turn + 1], keys[row][turn + 1] + 1) for row in rows]
+        gaps = [keys[row][turn + 1] - keys[row][turn] - 1 for row in rows]
+        new_root, new_local, _ = methods.generate_batch(
+            session,
+            np.stack([c.root_positions for c in context]),
+            np.stack([c.local_rotations for c in context]),
+            np.stack([t.root_positions[0] for t in target]),
+            np.stack([t.local_rotations[0] for t in target]),
+            gaps,
+            style=[styles[row] for row in rows],
+        )
+        for i, row in enumerate(rows):
+            gap = Motion(HUMANOID, new_root[i, : gaps[i]], new_local[i, : gaps[i]], MODEL_RATE)
+            made[row] = concatenate(made[row], gap, target[i])
+    progress(rounds, rounds)
+    return from_motions([sample(motion, np.arange(len(motion) - 1) + 0.5) for motion in made], labels)
+
+
+def _chains(database: Database, frames: int, draw: np.random.Generator) -> list[tuple[int, list[int]]]:
+    """A clip and its key frames for each chain, until every style has its share or its clips are used up."""
+    labels, out = database.style_indices(), []
+    for style in range(len(database.styles)):
+        clips = [c for c in np.nonzero(labels == style)[0].tolist() if np.diff(database.ranges[c])[0] >= SHORTEST]
+        wanted, order = frames // len(database.styles), draw.permutation(clips).tolist()
+        lasts = {clip: int(database.ranges[clip, 0]) for clip in clips}
+        while wanted > 0 and order:
+            clip = order.pop(0)
+            stop = int(database.ranges[clip, 1])
+            keys = [lasts[clip]]
+            while keys[-1] - keys[0] < min(CHAIN, wanted + GAPS[1]):
+                following = keys[-1] + int(draw.integers(GAPS[0], GAPS[1] + 1))
+                if following >= stop:
+                    break
+                keys.append(following)
+            if keys[-1] - keys[0] < GAPS[1]:
+                continue
+            out.append((clip, keys))
+            wanted -= keys[-1] - keys[0]
+            lasts[clip] = keys[-1] + 1
+            order.append(clip)
+    return out

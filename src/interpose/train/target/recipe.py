@@ -1,0 +1,248 @@
+"""The recipe of the target completion: ``interpose train target --data DB -o RUN``.
+
+Pairs of frames of one clip are drawn on the fly, the later one partly hidden, as users give targets: one group of
+joints (`interpose.parts`), two, or any joints. The run folder is that of `interpose.train.common.loop`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional as F
+
+from interpose import parts
+from interpose.data import database
+from interpose.errors import InputError
+from interpose.features import JOINTS, RATE
+from interpose.models.geometry import joint_positions, to_matrix, to_six
+from interpose.models.planner import Normal, divergence
+from interpose.models.target_pose import LONGEST, POSE, Asked, Size, TargetPose, posed, residual
+from interpose.train.common import checkpoint, loop
+from interpose.train.common.frames import Frames, divided, origin
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that decides a training, saved beside its weights."""
+
+    preset: str = "full"
+    completes: str = "target"
+    """what the run adds to a model"""
+    size: Size = field(default_factory=lambda: Size(hidden=768))
+    steps: int = 40_000
+    rows: int = 1024
+    learning_rate: float = 1e-3
+    warmup: int = 300
+    average: float = 0.999
+    clip: float = 1.0
+    half: bool = True
+    """bfloat16 products"""
+    divergence: float = 1e-3
+    """the weight of a nat"""
+    free_style: float = 0.3
+    """share of the rows whose label is dropped"""
+    at_speed: float = 0.5
+    """share whose velocity at the start is known"""
+    strayed: float = 0.2
+    """share whose start is somewhere else: half a metre away, the usual deviation"""
+    seed: int = 0
+    databases: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ()
+    licence: str = ""
+
+
+PRESETS: dict[str, Config] = {
+    "full": Config(),
+    "small": Config(preset="small", size=Size(hidden=512, depth=3), steps=3_000, rows=512, warmup=100, average=0.995),
+    "tiny": Config(preset="tiny", size=Size(2, 16, 1), steps=4, rows=8, warmup=1, average=0.5, half=False),
+}
+"""``full`` is for a GPU, ``small`` is useful on one CPU core in eight minutes, ``tiny`` is for tests."""
+
+PLAIN = Config(free_style=0.0, at_speed=0.0, strayed=0.0)
+"""What validation draws with."""
+
+
+def train(
+    data: list[Path],
+    run_dir: Path,
+    preset: str = "small",
+    *,
+    max_minutes: float | None = None,
+    device: str = "cpu",
+    seed: int = 0,
+    config: Config | None = None,
+) -> loop.Outcome:
+    """Trains, or goes on where ``run_dir`` stopped.
+
+    config: in place of the preset's. Raises InputError for an unknown preset, databases that do not load, and a run
+    folder of another config.
+    """
+    if preset not in PRESETS:
+        raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    loaded = [database.load(path) for path in data]
+    styles = tuple(sorted({style for one in loaded for style in one.styles}))
+    chosen = config or PRESETS[preset]
+    size = replace(chosen.size, styles=len(styles))
+    chosen = replace(chosen, seed=seed, size=size, styles=styles, **origin(loaded))
+    training, held_out = divided(loaded, list(styles))
+    return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes)
+
+
+def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
+    """The training itself, on frames that are already on their device."""
+    device = data.hips.device
+    torch.manual_seed(config.seed)
+    model = TargetPose(config.size).to(device)
+    generator = torch.Generator(device).manual_seed(config.seed)
+    set_statistics(model, data, config, generator)
+    model.half_products = config.half
+    optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
+    average = loop.moving_average(model, config.average)
+    state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
+
+    def update(step: int) -> Mapping[str, Tensor | float]:
+        loop.set_learning_rate(optimizer, config.learning_rate * loop.cosine(step, config.steps, config.warmup, 0.01))
+        asked, true = draw(data, config, config.rows, generator)
+        total, each = losses(model, asked, true, config, generator)
+        optimizer.zero_grad(set_to_none=True)
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+        optimizer.step()
+        average.update_parameters(model)
+        scalars: dict[str, Tensor | float] = {"loss": total.detach(), **each}
+        if (step + 1) % 500 == 0 or step + 1 == config.steps:
+            scalars |= ratios(cast(TargetPose, average.module), held_out, config)
+        return scalars
+
+    return loop.run(
+        run_dir, config, state, config.steps, update, samples_per_step=config.rows, checkpoint_every=500,
+        max_minutes=max_minutes,
+    )  # fmt: skip
+
+
+def losses(
+    model: TargetPose, asked: Asked, true: Tensor, config: Config, generator: torch.Generator
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """The loss and its terms; ``true``: the contacts of the target."""
+    x, place = model(asked)
+    posterior = model.recognise(x, place, asked)
+    noise = torch.randn(posterior.mean.shape, generator=generator, device=x.device)
+    made = model.decode(x, place, asked, posterior.at(noise))
+    nats = divergence(posterior, Normal(torch.zeros_like(posterior.mean), torch.zeros_like(posterior.mean)))
+    wanted = joint_positions(asked.target_hips, to_matrix(asked.target_rotations))
+    terms = {
+        "position": F.l1_loss(joint_positions(made.hips, made.rotations), wanted),
+        "rotation": F.l1_loss(to_six(made.rotations), asked.target_rotations),
+        "contact": F.binary_cross_entropy_with_logits(made.contacts, true),
+        "nats": nats.sum(dim=-1).mean(),
+    }
+    total = 3.0 * terms["position"] + terms["rotation"] + 0.02 * terms["contact"] + config.divergence * terms["nats"]
+    return total, {name: value.detach() for name, value in terms.items()}
+
+
+def draw(
+    data: Frames, config: Config, rows: int, generator: torch.Generator, given: parts.Parts | None = None
+) -> tuple[Asked, Float[Tensor, "row 4"]]:
+    """Pairs of frames with parts of the second given, and what stands in it. With ``given`` those parts in all rows."""
+    device = data.hips.device
+
+    def uniform(*shape: int) -> Tensor:
+        return torch.rand(*shape, generator=generator, device=device)
+
+    target = torch.randint(len(data), (rows,), generator=generator, device=device)
+    target = torch.maximum(target, torch.minimum(data.first[target] + 2, data.last[target]))
+    frames = torch.exp(uniform(rows) * math.log(LONGEST / 2.0) + math.log(2.0)).round().long()
+    start = torch.maximum(target - frames, data.first[target])
+    known = ((uniform(rows) < config.at_speed) & (start > data.first[start])).float()[:, None]
+    velocity = (data.positions[start] - data.positions[(start - 1).clamp_min(0)]) * RATE
+    label = data.style[target] * (uniform(rows) >= config.free_style)
+    away = torch.randn(rows, 3, generator=generator, device=device) * (uniform(rows, 1) < config.strayed)
+    joints, ground = masks(rows, generator, device) if given is None else _fixed(given, rows, device)
+    asked = Asked(
+        data.hips[start] + away * torch.tensor([0.5, 0.0, 0.5], device=device),
+        data.rotations[start],
+        velocity * known[..., None],
+        known,
+        data.hips[target],
+        data.rotations[target],
+        joints,
+        ground,
+        (target - start).clamp_min(1).float()[:, None],
+        F.one_hot(label, config.size.styles + 1).float(),
+    )
+    return asked, data.contacts[target]
+
+
+def masks(
+    rows: int, generator: torch.Generator, device: torch.device
+) -> tuple[Float[Tensor, "row joint"], Float[Tensor, "row 1"]]:
+    """Given parts as users give them: a group in six rows of ten, two in three, any joints in one."""
+    table = torch.zeros(len(parts.GROUPS) + 1, JOINTS + 1, device=device)
+    for row, name in enumerate([*parts.GROUPS, parts.GROUND]):
+        chosen = parts.parse(name)
+        table[row, list(chosen.joints)] = 1.0
+        table[row, JOINTS] = float(chosen.ground)
+    first, second = torch.randint(len(table), (2, rows), generator=generator, device=device)
+    kind = torch.rand(rows, 1, generator=generator, device=device)
+    some = (torch.rand(rows, JOINTS + 1, generator=generator, device=device) < 0.15).float()
+    out = torch.where(kind < 0.6, table[first], torch.maximum(table[first], table[second]))
+    out = torch.where(kind < 0.9, out, torch.maximum(some, table[first] * (some.sum(dim=-1, keepdim=True) < 0.5)))
+    return out[:, :JOINTS], out[:, JOINTS:]
+
+
+def _fixed(given: parts.Parts, rows: int, device: torch.device) -> tuple[Tensor, Tensor]:
+    joints = torch.zeros(rows, JOINTS, device=device)
+    joints[:, list(given.joints)] = 1.0
+    return joints, torch.full((rows, 1), float(given.ground), device=device)
+
+
+@torch.no_grad()
+def set_statistics(model: TargetPose, data: Frames, config: Config, generator: torch.Generator) -> None:
+    """Means and deviations of the input and of what is added, into the model's buffers."""
+    asked, _ = draw(data, config, 8192, generator)
+    x, place = model.numbers(asked)
+    model.mean.copy_(x.mean(dim=0))
+    model.std.copy_(x.std(dim=0).clamp_min(1e-2))
+    model.residual_std.copy_(residual(place, asked).std(dim=0).clamp_min(1e-2))
+
+
+@torch.no_grad()
+def ratios(model: TargetPose, data: Frames, config: Config, rows: int = 1024) -> dict[str, float]:
+    """On held-out pairs, for each group that may be given: the mean distance of the joints that are left free from the
+    truth, over that of the start pose carried along."""
+    model.eval()
+    out = {}
+    for name in [*parts.GROUPS, parts.GROUND]:
+        given = parts.parse(name)
+        generator = torch.Generator(data.hips.device).manual_seed(0)
+        asked, _ = draw(data, replace(PLAIN, size=config.size), rows, generator, given)
+        x, place = model(asked)
+        likeliest = model.decode(x, place, asked, x.new_zeros(rows, model.size.latent))
+        carried = posed(place, asked, x.new_zeros(rows, POSE))
+        wanted = joint_positions(asked.target_hips, to_matrix(asked.target_rotations))
+        free = [joint for joint in range(JOINTS) if joint not in given.joints]
+        wrong = [
+            (joint_positions(hips, turned) - wanted)[:, free].norm(dim=-1).mean()
+            for hips, turned in (likeliest[:2], carried)
+        ]
+        out[f"free/{name}"] = float(wrong[0] / wrong[1])
+    return out
+
+
+def model_of(saved: Mapping[str, Any]) -> TargetPose:
+    """The network of a checkpoint, ready to run."""
+    model = TargetPose(size_of(saved["config"]))
+    checkpoint.average_into(model, saved)
+    return model
+
+
+def size_of(config: Mapping[str, Any]) -> Size:
+    """The size that a run's config tells of."""
+    return Size(**config["size"])
