@@ -113,6 +113,18 @@ def test_bandai_names_carry_content_then_style(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize("given", ["", "walk", "walk/walk1.bvh"])
+def test_a_sub_folder_is_a_style_of_o3de(tmp_path: Path, given: str) -> None:
+    folder = touch(tmp_path / "o3de-locomotion", "walk/walk1.bvh", "labels.csv", "README.txt")
+    assert labels(sources.find("o3de", [folder / given])) == {"walk1": ("Walk", "", "")}
+
+
+def test_clips_of_no_known_style_have_no_label(tmp_path: Path) -> None:
+    folder = touch(tmp_path / "takes", "02_01.bvh", "dance/05_02.bvh", "other/07_01.bvh")
+    found = labels(sources.find("cmu", [folder]))
+    assert {name: style for name, (style, _, _) in found.items()} == {"02_01": "", "05_02": "Dance", "07_01": ""}
+
+
 def labels_by_file(found: sources.Findings) -> dict[str, tuple[str, str]]:
     return {clip.source.name: (clip.style, clip.subject) for clip in found.clips}
 
@@ -185,7 +197,8 @@ def test_models_trained_on_research_data_say_so() -> None:
     licence = pytest.importorskip("interpose.export").licence
     for kind in ("lafan1", "bandai", "amass", "h36m"):
         assert licence(sources.KINDS[kind].licence).startswith("non-commercial research only (trained on data under ")
-    assert licence(sources.KINDS["100style"].licence).startswith("MIT")
+    for kind in ("100style", "o3de", "cmu"):
+        assert licence(sources.KINDS[kind].licence).startswith("MIT; trained on data under ")
 
 
 def test_any_folder_takes_its_styles_from_its_sub_folders(tmp_path: Path) -> None:
@@ -212,7 +225,7 @@ def test_the_key_of_a_clip_follows_its_file_and_its_labels(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("kind", "split", "message"),
     [
-        ("cmu", "all", "unknown data set 'cmu'"),
+        ("moves", "all", "unknown data set 'moves'"),
         ("lafan1", "validation", "unknown split"),
         ("bvh", "test", "only lafan1 and h36m have a split into train and test, bvh has none"),
         ("amass", "test", "only lafan1 and h36m"),

@@ -220,7 +220,8 @@ def models(json: bool = False) -> int:
 
 def prepare(
     dataset: Annotated[
-        Positional[Literal["lafan1", "100style", "bandai", "amass", "h36m", "bvh"]], arg(metavar="DATASET")
+        Positional[Literal["lafan1", "100style", "bandai", "o3de", "cmu", "amass", "h36m", "bvh"]],
+        arg(metavar="DATASET"),
     ],
     source: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE", help_behavior_hint="(required)")],
     /,
@@ -231,7 +232,7 @@ def prepare(
     """Prepare a folder of motion capture for training: a database of the 22 joints at 30 Hz. Resumes where it stopped.
 
     Args:
-        dataset: lafan1, 100style, bandai, amass, h36m, or bvh for any folder of BVH files.
+        dataset: lafan1, 100style, bandai, o3de, cmu, amass, h36m, or bvh for any folder of BVH files.
         source: Folders or files.
         out: The database's folder.
         split: train leaves out the test subjects, 5 of lafan1, 9 and 11 of h36m; test takes only them.

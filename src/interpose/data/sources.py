@@ -10,6 +10,8 @@
               al. 2019.
     h36m      `S1/walking_1.txt`: the exponential maps of h3.6m.zip; the style is the action. Ionescu et al. 2014 test
               on subjects 9 and 11.
+    o3de      `walk/walk1.bvh`: the motion-matching sample of O3DE; the style is the name of the sub-folder.
+    cmu       `dance/05_02.bvh`: takes of Carnegie Mellon's database, likewise in a sub-folder a style.
     bvh       any folder; the style is the name of the sub-folder that a file is in.
 
 A source is a folder, a zip archive, or a single file. Files are found at any depth.
@@ -128,6 +130,16 @@ def _h36m(name: PurePosixPath) -> Labels:
     return {"style": found["style"].lower(), "subject": name.parent.name}
 
 
+def _by_folder(*styles: str) -> Callable[[PurePosixPath], Labels]:
+    """The style is the name of the folder, where it is one of ``styles``; otherwise the clip has none."""
+
+    def labels(name: PurePosixPath) -> Labels:
+        folder = name.parent.name.lower()
+        return {"style": folder.capitalize() if folder in styles else None}
+
+    return labels
+
+
 KINDS = {
     "lafan1": Kind(
         "CC BY-NC-ND 4.0 (non-commercial research only)",
@@ -136,6 +148,17 @@ KINDS = {
     ),
     "100style": Kind("CC BY 4.0, Mason, Starke and Komura 2022", _by_stem(_STYLE100, "Angry_FW.bvh")),
     "bandai": Kind("CC BY-NC 4.0 (non-commercial only)", _by_stem(_BANDAI, "dataset-1_walk_angry_001.bvh")),
+    "o3de": Kind(
+        "Apache-2.0 or MIT, Open 3D Engine (O3DE) motion matching sample",
+        _by_folder("crouch", "jog", "mixed", "push", "run", "turn", "walk"),
+        from_folders=True,
+    ),
+    "cmu": Kind(
+        "free for commercial and other use, but the data itself may not be sold; Carnegie Mellon University, "
+        "mocap.cs.cmu.edu, funded by NSF EIA-0196217",
+        _by_folder("basketball", "dance", "everyday", "fight", "jump", "run", "signals", "soccer", "swordplay", "walk"),
+        from_folders=True,
+    ),
     "amass": Kind("AMASS licence, NC (non-commercial research only)", _amass, ".npz", from_folders=True),
     "h36m": Kind(
         "Human3.6M licence, NC (academic research only)",
