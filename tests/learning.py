@@ -86,7 +86,7 @@ def write_database(folder: Path, lengths: tuple[int, ...] = LENGTHS, licence: st
         for m, stand in zip(motions, stands, strict=True)
     ]
     announced = [(info, len(m)) for info, m in zip(infos, motions, strict=True)]
-    return database.write(folder, announced, arrays, dataset="synthetic", licence=licence, fingerprint="1234")
+    return database.write(folder, announced, arrays, dataset="synthetic", licence=licence)
 
 
 def phases_of(data: Database) -> Float[ndarray, "2 frame 10 3"]:

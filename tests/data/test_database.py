@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,28 @@ def test_meta_holds_what_the_design_names(folder: Path) -> None:
     assert sorted(p.name for p in folder.iterdir()) == sorted(
         ["meta.json", *(f"{n}.npy" for n in ("root_positions", "local_rotations", "root", "contacts", "ranges"))]
     )
+
+
+@pytest.mark.parametrize("changed", ["style", "name", "root_positions", "contacts", "order"])
+def test_the_fingerprint_follows_labels_and_frames(folder: Path, tmp_path: Path, changed: str) -> None:
+    clips, arrays = [*CLIPS], [*ARRAYS]
+    if changed == "order":
+        clips, arrays = clips[::-1], arrays[::-1]
+    elif changed in ("style", "name"):
+        clips[1] = (replace(clips[1][0], **{changed: "other"}), clips[1][1])
+    else:
+        array = getattr(arrays[1], changed).copy()
+        array[3, 0] += 1
+        arrays[1] = replace(arrays[1], **{changed: array})
+    other = database.write(tmp_path / "other", clips, arrays, dataset="test", licence="none")
+    assert other.fingerprint != database.load(folder).fingerprint
+
+
+def test_the_fingerprint_ignores_source_files_and_last_bits(folder: Path, tmp_path: Path) -> None:
+    clips = [(replace(info, file="elsewhere.bvh", source_rate=30.0, cut=(0, 5)), count) for info, count in CLIPS]
+    nudged = [replace(one, root_positions=np.round(one.root_positions, 6)) for one in ARRAYS]
+    other = database.write(tmp_path / "other", clips, nudged, dataset="test", licence="none", made_from="other files")
+    assert other.fingerprint == database.load(folder).fingerprint
 
 
 def test_a_missing_folder_or_one_without_meta_is_refused(folder: Path) -> None:

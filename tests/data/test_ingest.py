@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import zipfile
 from pathlib import Path
 from unittest import mock
@@ -157,6 +158,34 @@ def test_where_nothing_can_be_used_nothing_is_made(tmp_path: Path, bvh: BvhText)
 def test_several_processes_give_the_same_database(folder: Path, tmp_path: Path) -> None:
     parallel = prepare("bvh", folder, tmp_path / "parallel", workers=2).database
     same(parallel, prepare("bvh", folder, tmp_path / "single").database)
+
+
+def test_the_fingerprint_is_of_the_contents(folder: Path, tmp_path: Path, bvh: BvhText) -> None:
+    first = prepare("bvh", folder, tmp_path / "first").database
+    copied = Path(shutil.copytree(folder, tmp_path / "elsewhere" / "copied"))
+    for file in copied.rglob("*.bvh"):
+        os.utime(file, (1e9, 1e9))
+    again = prepare("bvh", copied, tmp_path / "again", workers=2).database
+    assert again.fingerprint == first.fingerprint
+    assert again.made_from != first.made_from
+
+    (copied / "slow").rename(copied / "fast")
+    relabelled = prepare("bvh", copied, tmp_path / "relabelled").database
+    (copied / "fast").rename(copied / "slow")
+    (copied / "still.bvh").write_text(bvh(frames=40, speed=0.0, lift=0.02))
+    moved = prepare("bvh", copied, tmp_path / "moved").database
+    assert len({db.fingerprint for db in (first, relabelled, moved)}) == 3
+
+
+def test_the_fingerprint_does_not_depend_on_the_order_of_the_sources(tmp_path: Path, bvh: BvhText) -> None:
+    for name, frames in (("one", 20), ("two", 30)):
+        (tmp_path / name / "walk").mkdir(parents=True)
+        (tmp_path / name / "walk" / "clip.bvh").write_text(bvh(frames=frames))
+    ordered = [tmp_path / "one", tmp_path / "two"]
+    here = prepare("bvh", ordered, tmp_path / "here").database
+    there = prepare("bvh", ordered[::-1], tmp_path / "there").database
+    assert here.fingerprint == there.fingerprint
+    same(here, there)
 
 
 def killed_after(count: int) -> object:

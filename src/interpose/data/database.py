@@ -13,6 +13,7 @@ it is whole.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterable, Sequence
@@ -78,12 +79,17 @@ class ClipArrays:
 
 @dataclass(frozen=True, eq=False)
 class Database:
-    """A database on disk; the arrays are read-only memory maps."""
+    """A database on disk; the arrays are read-only memory maps.
+
+    fingerprint: a digest of the contents, see :func:`write`. made_from: identifies the source files and the recipe that
+    prepared them, so that a database that is up to date is recognised; '' where it was not prepared from files.
+    """
 
     path: Path
     dataset: str
     licence: str
     fingerprint: str
+    made_from: str
     skipped: tuple[tuple[str, str], ...]
     clips: tuple[ClipInfo, ...]
     root_positions: Float32[ndarray, "frame 3"]
@@ -140,6 +146,7 @@ def load(path: Path | str) -> Database:
             raise InputError(f"{path} does not hold the 22 joints at {RATE:g} Hz; prepare it again")
         clips = tuple(_clip_info(entry) for entry in meta["clips"])
         dataset, licence, fingerprint = (str(meta[name]) for name in ("dataset", "licence", "fingerprint"))
+        made_from = str(meta.get("made_from", ""))
         skipped = tuple((str(file), str(reason)) for file, reason in meta["skipped"])
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
@@ -157,7 +164,7 @@ def load(path: Path | str) -> Database:
         and np.all(np.diff(ends) > 0)
     ):
         raise InputError(f"the files of the database {path} do not fit together; prepare it again")
-    return Database(path, dataset, licence, fingerprint, skipped, clips, **arrays)
+    return Database(path, dataset, licence, fingerprint, made_from, skipped, clips, **arrays)
 
 
 def write(
@@ -167,13 +174,14 @@ def write(
     *,
     dataset: str,
     licence: str,
-    fingerprint: str = "",
+    made_from: str = "",
     skipped: Sequence[tuple[str, str]] = (),
 ) -> Database:
     """Write a database of the given clips, each with its number of frames, and give it back loaded.
 
     ``arrays`` yields the frames of each clip in the same order and is consumed one clip at a time. A database that was
-    there stays whole until the new one is. Raises InputError where the folder cannot be written.
+    there stays whole until the new one is. The fingerprint covers the frames of each clip, its name and its labels, in
+    their order; not paths, times or source files. Raises InputError where the folder cannot be written.
     """
     path = Path(path)
     stops = np.cumsum([frames for _, frames in clips], dtype=np.int64)
@@ -186,10 +194,11 @@ def write(
         "joints": HUMANOID.names,
         "styles": sorted({info.style for info, _ in clips}),
         "frames": int(stops[-1]),
-        "fingerprint": fingerprint,
+        "made_from": made_from,
         "clips": [asdict(info) for info, _ in clips],
         "skipped": list(skipped),
     }
+    digest = hashlib.sha256()
     temporary = {name: path / f".{name}.npy.new" for name in _ARRAYS}
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -206,11 +215,16 @@ def write(
             for (info, frames), clip in zip(clips, arrays, strict=True):
                 if len(clip) != frames:
                     raise ValueError(f"clip {info.name} has {len(clip)} frames, {frames} were announced")
+                digest.update(repr((info.name, info.style, info.content, info.subject, frames)).encode())
                 for field in fields(ClipArrays):
-                    files[field.name].write(getattr(clip, field.name).tobytes())
+                    array = getattr(clip, field.name)
+                    files[field.name].write(array.tobytes())
+                    # Rounded to 0.1 mm, since the last bits of a float depend on the processor.
+                    digest.update(np.rint(array * np.float64(1e4)).astype("<i4").tobytes())
         (path / META).unlink(missing_ok=True)
         for name, file in temporary.items():
             os.replace(file, path / f"{name}.npy")
+        meta["fingerprint"] = digest.hexdigest()
         (path / f".{META}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
         os.replace(path / f".{META}.new", path / META)
     except OSError as error:

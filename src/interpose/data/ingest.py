@@ -105,12 +105,12 @@ def prepare(
     out = Path(out)
     found = sources.find(kind, from_sources, split)
     keys = [clip.key() for clip in found.clips]
-    fingerprint = hashlib.sha256(repr((RECIPE, database.VERSION, keys, found.skipped)).encode()).hexdigest()
+    made_from = hashlib.sha256(repr((RECIPE, database.VERSION, keys, found.skipped)).encode()).hexdigest()
     try:
         present = database.load(out)
     except InputError:
         present = None
-    if present is not None and present.fingerprint == fingerprint:
+    if present is not None and present.made_from == made_from:
         return Report(present, 0, time.monotonic() - begun)
 
     parts = [out / PARTS / f"{RECIPE}-{key}.npz" for key in keys]
@@ -131,7 +131,7 @@ def prepare(
         _arrays(kept),
         dataset=kind,
         licence=sources.KINDS[kind].licence,
-        fingerprint=fingerprint,
+        made_from=made_from,
         skipped=skipped,
     )
     shutil.rmtree(out / PARTS, ignore_errors=True)

@@ -204,6 +204,9 @@ def find(kind: str, sources: Sequence[Path | str], split: str = "all") -> Findin
                 skipped.append((file.name, labels))
             else:
                 named.append((file, labels))
+    repeated = Counter(file.name for file, _ in named)
+    # By their contents where names are equal, so that the order of the sources does not matter.
+    named.sort(key=lambda entry: (entry[0].name, entry[0].read_bytes() if repeated[entry[0].name] > 1 else b""))
     names = _unique_names([file.name for file, _ in named])
     whole = {name for name in names if name.count("_") == 1}
     clips: list[SourceClip] = []

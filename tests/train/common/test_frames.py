@@ -29,8 +29,8 @@ def test_frames_that_were_dropped_have_their_label_set_free(database, distilled)
 
 
 def test_a_run_remembers_which_labels_counted(database, distilled):
-    assert origin([database])["databases"] == ("synthetic 1234",)
+    assert origin([database])["databases"] == (f"synthetic {database.fingerprint}",)
     (name,) = origin([distilled])["databases"]
-    assert name.startswith("synthetic 1234 labels kept 0.8000 ")
+    assert name.startswith(f"synthetic {distilled.fingerprint} labels kept 0.8000 ")
     label_issues.save(distilled, np.arange(distilled.frames) % 5 > 1)
     assert origin([distilled])["databases"] != (name,)

@@ -84,7 +84,7 @@ def test_tiny_learns_and_tells(database, phases, losses, tmp_path, monkeypatch):
     config = saved["config"]
     assert saved["step"] == 10 + 55  # the planner's updates come first
     assert config["styles"] == list(learning.STYLES)
-    assert config["databases"] == ["synthetic 1234"]
+    assert config["databases"] == [f"synthetic {database.fingerprint}"]
     assert config["licence"] == "CC BY 4.0"
     assert config["phases"] is True
     assert saved["model"]["phase_bank"].abs().max() > 0.0
@@ -114,7 +114,7 @@ def test_two_databases_train_together(database, losses, tmp_path):
     recipe.train([database.path, other.path], tmp_path / "run", "tiny", stages=(Stage(2, 2, 64),))
     saved = checkpoint.load(tmp_path / "run")
     assert saved["config"]["licence"] == "CC BY 4.0; CC BY-NC-ND 4.0"
-    assert saved["config"]["databases"] == ["synthetic 1234", "synthetic 1234"]
+    assert saved["config"]["databases"] == [f"synthetic {one.fingerprint}" for one in (database, other)]
     assert int(saved["extra"]["rows"]["start"].max()) >= 2 * 360
     assert np.isfinite(losses).all()
     assert not saved["model"]["phase_bank"].any()

@@ -60,7 +60,7 @@ def test_tiny_trains_and_tells(database, losses, tmp_path):
     config = saved["config"]
     assert config["styles"] == list(learning.STYLES)
     assert config["size"]["plan"]["styles"] == 2
-    assert config["databases"] == ["synthetic 1234"]
+    assert config["databases"] == [f"synthetic {database.fingerprint}"]
     assert config["licence"] == "CC BY 4.0"
     assert (config["seed"], config["plan_from"], config["preset"]) == (0, "", "tiny")
     told = logged(tmp_path / "run")[-1]
@@ -160,7 +160,7 @@ def test_two_databases_train_together(database, losses, tmp_path):
     recipe.train([database.path, other.path], tmp_path / "run", "tiny", config=SHORT)
     saved = checkpoint.load(tmp_path / "run")
     assert saved["config"]["licence"] == "CC BY 4.0; CC BY-NC-ND 4.0"
-    assert saved["config"]["databases"] == ["synthetic 1234", "synthetic 1234"]
+    assert saved["config"]["databases"] == [f"synthetic {one.fingerprint}" for one in (database, other)]
     assert np.isfinite(losses).all()
 
 

@@ -29,7 +29,7 @@ def write(folder, clips: dict[str, tuple[str, Motion]]):
         (ClipInfo(name, f"{name}.bvh", style, "", "", 30.0, len(motion), (0, len(motion)), 0.0), len(motion))
         for name, (style, motion) in clips.items()
     ]
-    return database.write(folder, infos, arrays, dataset="marches", licence="CC0", fingerprint="77")
+    return database.write(folder, infos, arrays, dataset="marches", licence="CC0")
 
 
 @pytest.fixture
