@@ -18,7 +18,7 @@ from interpose import Motion, load_model
 from interpose.data import database
 from interpose.data.split import training_ranges
 from interpose.motion import concatenate, resample
-from interpose.render import Row, contact_sheet
+from interpose.render import SheetRow, contact_sheet
 
 SECONDS = (0.1, 0.2, 0.5, 1.0, 3.0, 5.0, 10.0, 20.0)
 CLIPS = 4
@@ -50,7 +50,7 @@ def main(db: Path, name: str, out: Path | None = None) -> None:
                     figures.append([made.info.arrival_position_error_m, *_figures(whole, truth), 1000.0 * took])
                     figures[-1].insert(5, made.info.foot_slide_cm_per_frame or 0.0)
                     notes |= {made.info.fallback} if made.info.fallback else set()
-                    rows += [Row(truth, "truth"), Row(whole, f"made, {path}")]
+                    rows += [SheetRow(truth, "truth"), SheetRow(whole, f"made, {path}")]
                 told = " | ".join(f"{x:.2g}" if i else f"{x:.0e}" for i, x in enumerate(np.median(figures, axis=0)))
                 print(f"| {seconds:g} | {rate:g} | {path} | {told} | {'; '.join(sorted(notes))[:90]} |", flush=True)
                 if out is not None and rate == 30.0:

@@ -16,7 +16,7 @@ import numpy as np
 
 from interpose import Motion, io, load_model
 from interpose.evaluate.quality import fill_quality
-from interpose.render import Row, contact_sheet
+from interpose.render import SheetRow, contact_sheet
 from interpose.runtime.inbetween import fill
 from interpose.runtime.request import Request
 
@@ -59,7 +59,7 @@ def main(data: Path, out: Path, model: str | None = None) -> None:
         slides.append((Path(name).stem, quality.foot_slide, quality.clip_foot_slide))
         sheet = []
         for k in keys[:-1][:3]:
-            sheet += [Row(clip[k : k + step + 1], f"capture {k}"), Row(back[k : k + step + 1], f"filled {k}")]
+            sheet += [SheetRow(clip[k : k + step + 1], f"capture {k}"), SheetRow(back[k : k + step + 1], f"filled {k}")]
         contact_sheet(out / f"{Path(name).stem}.png", sheet, heading=Path(name).stem)
     print("\n| clip | foot slide, cm a frame | the clip's own |\n|---|---|---|")
     for name, made_slide, own_slide in slides:

@@ -24,7 +24,7 @@ from interpose.data import database
 from interpose.gallery import matching, proposals, scan, store
 from interpose.gallery.matching import Query
 from interpose.gallery.tracks import Tracks, from_database
-from interpose.gallery.windows import LONGEST, SHORTEST
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
 
 COUNT = 64
 
@@ -58,7 +58,9 @@ def measure(tracks: Tracks, queries: int, scans: int) -> str:
     gallery = store.of_tracks(tracks)
     built = time.perf_counter() - began
     draw = np.random.default_rng(0)
-    asked = [matching.wanted(drawn(draw, bool(i % 2)), (SHORTEST, LONGEST), None) for i in range(queries)]
+    asked = [
+        matching.window_query(drawn(draw, bool(i % 2)), (SHORTEST_WINDOW, LONGEST_WINDOW), None) for i in range(queries)
+    ]
     for wanted in asked[:10]:
         gallery.search(wanted, COUNT)
     direct = [timed(partial(gallery.search, wanted, COUNT)) for wanted in asked]
@@ -68,9 +70,9 @@ def measure(tracks: Tracks, queries: int, scans: int) -> str:
     for i in range(4 * queries):
         query = drawn(draw, True, 5.0, 14.0)
         styles = (int(draw.integers(len(tracks.styles))),) if i % 2 else None
-        steps = (2 * LONGEST, 2 * LONGEST) if i % 4 > 1 else (2 * SHORTEST, 6 * LONGEST)
-        lengths = min(steps[0], LONGEST), min(steps[1], LONGEST)
-        if steps[0] <= LONGEST and matching.direct(gallery.search, query, 1, lengths, styles):
+        steps = (2 * LONGEST_WINDOW, 2 * LONGEST_WINDOW) if i % 4 > 1 else (2 * SHORTEST_WINDOW, 6 * LONGEST_WINDOW)
+        lengths = min(steps[0], LONGEST_WINDOW), min(steps[1], LONGEST_WINDOW)
+        if steps[0] <= LONGEST_WINDOW and matching.direct(gallery.search, query, 1, lengths, styles):
             continue
         whole += 1
         generator = np.random.default_rng(i)

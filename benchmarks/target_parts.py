@@ -19,7 +19,7 @@ from interpose import load_model, parts, retarget
 from interpose.data import database
 from interpose.data.split import training_ranges
 from interpose.motion import concatenate
-from interpose.render import Row, contact_sheet
+from interpose.render import SheetRow, contact_sheet
 from interpose.runtime import target_parts
 
 VARIANTS = 8
@@ -38,7 +38,7 @@ def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
         if b - a > steps + 4:
             at = int(random.integers(a + 2, b - steps))
             drawn.append((data.motion(at - 1, at + 1), data.motion(at + steps, at + steps + 1), steps))
-    mapping = retarget.plan(drawn[0][0])
+    mapping = retarget.map_skeleton(drawn[0][0])
     print("| given | carried cm | likeliest cm | best of 8 cm | misses m | deg | unreached | under floor cm | ms |")
     print("|---|---|---|---|---|---|---|---|---|")
     for group in [*parts.GROUPS, parts.GROUND, "hips,hands", "left-hand,right-foot"]:
@@ -64,7 +64,7 @@ def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
             figures.append([wrong[0], wrong[1], min(wrong[1:]), *miss, max(100.0 * low, 0.0), 1000.0 * took])
             if len(rows) < 2 * SHOWN:
                 shown = concatenate(start[-1], carried.pose, likeliest.pose, *(o.pose for o in others[:4]), target)
-                rows.append(Row(shown, f"{group}: start, carried, likeliest, four more, truth", keys=(0, -1)))
+                rows.append(SheetRow(shown, f"{group}: start, carried, likeliest, four more, truth", keys=(0, -1)))
         f = np.array(figures)
         mean, most = f.mean(axis=0), f.max(axis=0)
         print(

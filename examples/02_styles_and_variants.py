@@ -14,7 +14,7 @@ import interpose as ip
 from interpose import retarget
 from interpose.demo import poses
 from interpose.motion import concatenate
-from interpose.render import Row, contact_sheet
+from interpose.render import SheetRow, contact_sheet
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--styles", nargs="*", help="the first three of the model where left out")
@@ -26,7 +26,7 @@ given = parser.parse_args()
 
 model = ip.load_model(given.model)
 start, target = poses.pose(poses.STAND), poses.pose(poses.WALK_LEFT, (0.8, 2.6), heading=30.0)
-mapping = retarget.plan(start)  # found once, used for every call: the rig is the same
+mapping = retarget.map_skeleton(start)  # found once, used for every call: the rig is the same
 
 rows = []
 for style in given.styles or [*model.styles[:3], None]:
@@ -36,6 +36,6 @@ for style in given.styles or [*model.styles[:3], None]:
         said = "no foot slide known" if slide is None else f"foot slide {slide:.2f} cm/frame"
         print(f"{style or 'free':12} variant {number}: {said}")
         whole = concatenate(start, candidate.motion, target)
-        rows.append(Row(whole, f"{style or 'free'} {number}", ("89 frames, 3 s", said)))
+        rows.append(SheetRow(whole, f"{style or 'free'} {number}", ("89 frames, 3 s", said)))
 contact_sheet(given.out, rows, "styles and variants", "the start in blue, the target in orange, the rest generated")
 print(f"wrote {given.out}")

@@ -16,7 +16,7 @@ import interpose as ip
 from interpose.demo import poses
 from interpose.gallery import store
 from interpose.motion import concatenate
-from interpose.render import Row, contact_sheet
+from interpose.render import SheetRow, contact_sheet
 
 LINES = {"straight on": [(0.0, 1.25)], "a bend to the left": [(1.2, 1.0)], "an S": [(0.6, 0.6), (-0.6, 1.9)]}
 """Points between the keys, x and z in metres; the keys themselves are added."""
@@ -45,5 +45,5 @@ for name, options in asked.items():
     notes = (f"{made.info.frames} frames, {(made.info.frames + 1) / start.rate:.1f} s",)
     notes += () if off is None else (f"{100 * off:.1f} cm off its path",)
     print(f"{name}: {', '.join(notes)}")
-    rows.append(Row(concatenate(start, made.motion, target), name, notes))
+    rows.append(SheetRow(concatenate(start, made.motion, target), name, notes))
 contact_sheet(given.out, rows, "speeds and paths", "The start in blue, the target in orange, the rest generated.")

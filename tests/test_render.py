@@ -46,7 +46,7 @@ def mean_colour(image: Image.Image, box: tuple[int, int, int, int]) -> np.ndarra
 def test_a_sheet_has_a_blue_start_at_the_left_and_an_orange_target_at_the_right(tmp_path: Path) -> None:
     path = tmp_path / "sheet.png"
     render.contact_sheet(
-        path, [render.Row(walk(), "Walk", ("20 frames",)), render.Row(walk(5), "Short")], "Two", "rows"
+        path, [render.SheetRow(walk(), "Walk", ("20 frames",)), render.SheetRow(walk(5), "Short")], "Two", "rows"
     )
     image = opened(path)
     assert image.width == 1800
@@ -58,7 +58,7 @@ def test_a_sheet_has_a_blue_start_at_the_left_and_an_orange_target_at_the_right(
 
 
 def test_a_creature_and_a_single_frame_can_be_drawn(tmp_path: Path) -> None:
-    render.contact_sheet(tmp_path / "a.png", [render.Row(snake(12), "Snake"), render.Row(walk(1), "One")])
+    render.contact_sheet(tmp_path / "a.png", [render.SheetRow(snake(12), "Snake"), render.SheetRow(walk(1), "One")])
     render.scene(tmp_path / "b.png", snake(12), size=(400, 200))
     assert opened(tmp_path / "b.png").size == (400, 200)
 
@@ -68,7 +68,7 @@ def test_what_cannot_be_drawn_is_refused_and_leaves_no_file(tmp_path: Path) -> N
     with pytest.raises(InputError, match="at least one motion"):
         render.contact_sheet(path, [])
     with pytest.raises(InputError, match="without frames"):
-        render.contact_sheet(path, [render.Row(walk()[0:0], "Empty")])
+        render.contact_sheet(path, [render.SheetRow(walk()[0:0], "Empty")])
     with pytest.raises(InputError, match=r"key 20 lies outside a motion of 20 frames \(0 to 19\)"):
         render.scene(path, walk(20), keys=(0, 20))
     with pytest.raises(InputError, match="frame 20 lies outside"):

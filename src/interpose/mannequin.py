@@ -199,7 +199,7 @@ class _Body:
 def _humanoid(source: Skeleton | Motion) -> _Body | None:
     """None where the skeleton is no humanoid, or where much of it (more legs, a tail) has no counterpart in one."""
     try:
-        found = mapping.plan(source)
+        found = mapping.map_skeleton(source)
     except InputError:
         return None
     if found.spare > mapping.MOST_SPARE:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interpose.drawn_path import path_file
-from interpose.drawn_path.path_file import DrawnFile, read
+from interpose.drawn_path.path_file import PathFile, read
 from interpose.errors import InputError
 
 JSON = st.recursive(
@@ -98,11 +98,11 @@ def test_gaps_that_do_not_fit_the_keys(tmp_path: Path) -> None:
         file.of(0, 50)
     with pytest.raises(InputError, match="no gap starts at frame 0; gaps start at 5, 45"):
         file.check([(5, 45), (45, 90)])
-    assert DrawnFile(None, {}).of(0, 1) is None
+    assert PathFile(None, {}).of(0, 1) is None
 
 
 def test_lines_from_python() -> None:
-    for points in (np.array([[0.0, 1.0], [2.0, 3.0]]), [(0, 1), (2, 3)]):
+    for points in (np.array([[0.0, 1.0], [2.0, 3.0]]), [(0, 1), (2, 3)], list(np.float32([[0.0, 1.0], [2.0, 3.0]]))):
         line = path_file.of_points(points).whole
         assert line is not None
         np.testing.assert_array_equal(line.points, [[0.0, 1.0], [2.0, 3.0]])
@@ -189,12 +189,12 @@ def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         read(tmp_path / "none.json")
     with pytest.raises(InputError, match="is a folder"):
         read(tmp_path)
-    monkeypatch.setattr(path_file, "LARGEST", 10)
+    monkeypatch.setattr(path_file, "LARGEST_FILE", 10)
     with pytest.raises(InputError, match="larger than"):
         read(written(tmp_path, {"points": [[0, 1]]}))
     path = tmp_path / "latin.json"
     path.write_bytes('{"é": 1}'.encode("latin-1"))
-    monkeypatch.setattr(path_file, "LARGEST", 1000)
+    monkeypatch.setattr(path_file, "LARGEST_FILE", 1000)
     with pytest.raises(InputError, match="is not JSON"):
         read(path)
     path.write_bytes(b"\xef\xbb\xbf" + b'{"points": [[0, 1]]}')  # as some editors begin a file
@@ -216,14 +216,14 @@ def test_any_json_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, h
 
 
 def test_a_line_of_parts_is_a_drawn_line_with_its_facing_in_radians() -> None:
-    line = path_file.of_line([(0.0, 1.0), (0.5, 2.0)], [0.0, 1.5], [3.0, 4.0]).of(0, 10)
+    line = path_file.of_points([(0.0, 1.0), (0.5, 2.0)], [0.0, 1.5], [3.0, 4.0]).of(0, 10)
     assert line is not None
     assert line.times is not None
     assert line.facing is not None
     np.testing.assert_array_equal(line.points, [[0.0, 1.0], [0.5, 2.0]])
     np.testing.assert_array_equal(line.times, [0.0, 1.5])
     np.testing.assert_array_equal(line.facing, [3.0, 4.0])
-    bare = path_file.of_line([[0.0, 1.0]], None, None).whole
+    bare = path_file.of_points([[0.0, 1.0]]).whole
     assert bare is not None
     assert bare.times is None
     assert bare.facing is None
@@ -245,4 +245,4 @@ def test_a_line_of_parts_is_a_drawn_line_with_its_facing_in_radians() -> None:
 )
 def test_what_is_wrong_with_a_line_of_parts_is_named(points: Any, times: Any, facing: Any, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        path_file.of_line(points, times, facing)
+        path_file.of_points(points, times, facing)

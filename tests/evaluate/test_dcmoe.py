@@ -14,7 +14,7 @@ from interpose.evaluate.methods import Carrier
 from interpose.evaluate.run import Case
 from interpose.gallery.tracks import track_of
 from interpose.motion import Motion
-from interpose.retarget import plan
+from interpose.retarget import map_skeleton
 from interpose.skeleton import HUMANOID
 
 FRAMES = 8
@@ -67,7 +67,7 @@ def test_the_model_is_asked_along_the_ways_and_for_variants(lafan1_like: Path, p
 
     monkeypatch.setattr(dcmoe.methods, "generate_batch", walks)
     source = lafan1.read(lafan1_like)
-    carrier = Carrier(source.clips[0].skeleton, 30.0, plan(source.clips[0].skeleton))
+    carrier = Carrier(source.clips[0].skeleton, 30.0, map_skeleton(source.clips[0].skeleton))
     case = Case(lafan1.cut(source.clips), FRAMES, source.scale)
     inner = slice(case.start + 1, case.target)
     root, _ = dcmoe._filled(case, carrier, planned_session, dcmoe._true_ways(case, carrier))
@@ -84,7 +84,7 @@ def test_gaps_are_drawn(results):
 def test_the_true_way_is_the_roots(lafan1_like: Path):
     source = lafan1.read(lafan1_like)
     first = source.clips[0]
-    carrier = Carrier(first.skeleton, first.rate, plan(first.skeleton))
+    carrier = Carrier(first.skeleton, first.rate, map_skeleton(first.skeleton))
     windows = lafan1.cut(source.clips)
     case = Case(windows, FRAMES, source.scale)
     ways = dcmoe._true_ways(case, carrier)

@@ -12,19 +12,28 @@ from interpose.errors import InputError
 from interpose.gallery import index as indexing
 from interpose.gallery import scan
 from interpose.gallery.index import BINS, PAIRS, SECTOR, SECTORS, build, distance_bin
-from interpose.gallery.windows import LONGEST, SHORTEST, TURN, Found, Wanted, errors, features, to_units
+from interpose.gallery.windows import (
+    LONGEST_WINDOW,
+    SHORTEST_WINDOW,
+    TURN,
+    FoundWindows,
+    WindowQuery,
+    errors,
+    features,
+    to_units,
+)
 
-EVERYTHING = Wanted((0.0, 1000.0), (0.0, 0.0))
+EVERYTHING = WindowQuery((0.0, 1000.0), (0.0, 0.0))
 lengths = st.one_of(st.sampled_from([0.0, 0.02, 0.6, 1.2, 200.0]), st.floats(0.0, 3.0))
 thresholds = st.one_of(st.sampled_from([2.0 * np.pi, np.pi, 0.7, 1e-4, 0.0]), st.floats(-0.1, 7.0))
 counts = st.sampled_from([1, 2, 3, 10, 100, 5000, 10**6])
 
 
-def rows(found: Found) -> list[tuple[int, ...]]:
+def rows(found: FoundWindows) -> list[tuple[int, ...]]:
     return list(zip(*(getattr(found, name).tolist() for name in ("start", "steps", "mirrored", "error")), strict=True))
 
 
-def assert_same(a: Found, b: Found):
+def assert_same(a: FoundWindows, b: FoundWindows):
     for name in ("start", "steps", "mirrored", "error"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
@@ -36,7 +45,7 @@ def wants(draw, tracks):
     facing = draw(angles), draw(angles)
     if draw(st.booleans()):
         clip = tracks.ranges[np.argmax(np.diff(tracks.ranges, axis=1))]
-        steps = draw(st.integers(SHORTEST, min(LONGEST, int(clip[1] - clip[0]) - 1)))
+        steps = draw(st.integers(SHORTEST_WINDOW, min(LONGEST_WINDOW, int(clip[1] - clip[0]) - 1)))
         start = draw(st.integers(int(clip[0]), int(clip[1]) - steps - 1))
         distance, at_start, at_end = features(tracks.root, np.array([start]), steps)
         slack = draw(st.sampled_from([0.3, 0.02, 0.0]))
@@ -46,7 +55,7 @@ def wants(draw, tracks):
     styles = draw(st.none() | st.sets(st.integers(0, len(tracks.styles) - 1), min_size=1).map(tuple))
     fewest, most = sorted((draw(st.integers(1, 40)), draw(st.integers(15, 200))))
     criterion = draw(st.sampled_from(["both", "start", "turn"]))
-    return Wanted((low, high), facing, criterion, (fewest, most), styles, draw(thresholds))
+    return WindowQuery((low, high), facing, criterion, (fewest, most), styles, draw(thresholds))
 
 
 @given(st.data(), several_clips, counts, st.sampled_from([1, 32, indexing.BATCH]))
@@ -68,7 +77,7 @@ def test_the_index_finds_what_the_scan_finds_among_many(name, request, data, cou
 
 
 def test_of_thousands_of_equal_errors_the_first_are_taken(marching):
-    wanted = Wanted((0.5, 4.0), (0.0, 0.0))
+    wanted = WindowQuery((0.5, 4.0), (0.0, 0.0))
     for count in (1, 7, 3000):
         found = indexing.best(marching.index, wanted, count)
         assert_same(found, scan.best(marching.tracks, wanted, count))
@@ -81,7 +90,7 @@ def test_of_thousands_of_equal_errors_the_first_are_taken(marching):
 @pytest.mark.parametrize("count", [1, 40, 3000])
 def test_equal_errors_are_found_though_they_are_read_later(count):
     tracks = tracks_of([even(60, facing=facing) for facing in (3.0, 0.1, 1.5, -1.5)])
-    wanted = Wanted((0.6, 1.2), (0.4, 0.4), "turn")
+    wanted = WindowQuery((0.6, 1.2), (0.4, 0.4), "turn")
     with mock.patch.object(indexing, "BATCH", 1):
         found = indexing.best(build(tracks), wanted, count)
     assert_same(found, scan.best(tracks, wanted, count))
@@ -89,7 +98,7 @@ def test_equal_errors_are_found_though_they_are_read_later(count):
 
 
 def test_all_that_fit_are_given_where_more_are_asked_for(wandering):
-    wanted = Wanted((1.0, 1.1), (0.3, -0.2), threshold=1.0)
+    wanted = WindowQuery((1.0, 1.1), (0.3, -0.2), threshold=1.0)
     found = indexing.best(wandering.index, wanted, 10**6)
     assert rows(found) == rows(scan.best(wandering.tracks, wanted, 10**6))
     assert 100 < len(found) < 10**6
@@ -100,14 +109,14 @@ def test_all_that_fit_are_given_where_more_are_asked_for(wandering):
 @pytest.mark.parametrize(
     "wanted",
     [
-        Wanted((900.0, 1000.0), (0.0, 0.0)),
-        Wanted((2.0, 1.0), (0.0, 0.0)),
-        Wanted((0.0, 10.0), (0.0, 0.0), steps=(60, 59)),
-        Wanted((0.0, 10.0), (0.0, 0.0), steps=(1, 14)),
-        Wanted((0.0, 10.0), (0.0, 0.0), steps=(151, 300)),
-        Wanted((0.0, 10.0), (0.0, 0.0), styles=()),
-        Wanted((0.0, 10.0), (0.0, 0.0), threshold=-0.1),
-        Wanted((0.0, 0.0), (np.pi, 0.0), threshold=0.0),
+        WindowQuery((900.0, 1000.0), (0.0, 0.0)),
+        WindowQuery((2.0, 1.0), (0.0, 0.0)),
+        WindowQuery((0.0, 10.0), (0.0, 0.0), steps=(60, 59)),
+        WindowQuery((0.0, 10.0), (0.0, 0.0), steps=(1, 14)),
+        WindowQuery((0.0, 10.0), (0.0, 0.0), steps=(151, 300)),
+        WindowQuery((0.0, 10.0), (0.0, 0.0), styles=()),
+        WindowQuery((0.0, 10.0), (0.0, 0.0), threshold=-0.1),
+        WindowQuery((0.0, 0.0), (np.pi, 0.0), threshold=0.0),
     ],
 )
 def test_where_nothing_fits_nothing_is_found(marching, wanted):
@@ -124,7 +133,7 @@ def test_few_windows_are_read_for_the_best(wandering):
         return errors(at_start, *others)
 
     with mock.patch.object(indexing, "errors", counted):
-        assert len(indexing.best(wandering.index, Wanted((0.0, 10.0), (0.2, -0.4)), 8)) == 8
+        assert len(indexing.best(wandering.index, WindowQuery((0.0, 10.0), (0.2, -0.4)), 8)) == 8
     assert sum(read) < len(wandering.index) / 5
 
 
@@ -137,7 +146,7 @@ def test_the_bins_of_distance_rise_with_it(distances):
 
 @given(angles, angles, st.sampled_from(["both", "start", "turn"]), st.sampled_from([0, 1]))
 def test_pairs_of_sectors_are_read_by_the_least_error_that_they_can_hold(first, last, criterion, mirrored):
-    floors = indexing._floors(Wanted((0.0, 1.0), (first, last), criterion), mirrored).reshape(SECTORS, SECTORS)
+    floors = indexing._floors(WindowQuery((0.0, 1.0), (first, last), criterion), mirrored).reshape(SECTORS, SECTORS)
     ours = [to_units(-angle if mirrored else angle) for angle in (first, last)]
     least = np.abs((np.arange(TURN) - np.array(ours)[:, None] + TURN // 2) % TURN - TURN // 2)
     least = least.reshape(2, SECTORS, SECTOR).min(axis=-1)
@@ -159,7 +168,7 @@ def test_every_window_of_every_clip_is_kept_once_and_none_across_clips(clips):
     told = [
         (start, steps)
         for begin, end in tracks.ranges.tolist()
-        for steps in range(SHORTEST, LONGEST + 1)
+        for steps in range(SHORTEST_WINDOW, LONGEST_WINDOW + 1)
         for start in range(begin, end - steps)
     ]
     assert len(index) == len(told)
@@ -201,8 +210,8 @@ def test_clips_of_less_than_16_frames_have_no_window():
 def test_a_style_whose_clips_are_too_short_has_no_window():
     tracks = tracks_of([even(10), even(20)], ["Old", "Young"])
     index = build(tracks)
-    assert len(indexing.best(index, Wanted((0.0, 9.0), (0.0, 0.0), styles=(0,)), 9)) == 0
-    assert len(indexing.best(index, Wanted((0.0, 9.0), (0.0, 0.0), styles=(1,)), 99)) == 30
+    assert len(indexing.best(index, WindowQuery((0.0, 9.0), (0.0, 0.0), styles=(0,)), 9)) == 0
+    assert len(indexing.best(index, WindowQuery((0.0, 9.0), (0.0, 0.0), styles=(1,)), 99)) == 30
 
 
 def test_a_window_takes_13_bytes_beside_the_table_of_cells(wandering):
@@ -210,7 +219,7 @@ def test_a_window_takes_13_bytes_beside_the_table_of_cells(wandering):
     assert index.nbytes == 13 * len(index) + 4 * len(index.cells)
     assert index.nbytes - index.cells.nbytes <= 24 * len(index)
     # The table is as large for any gallery: at 4 hours of one style it is well within 24 bytes a window.
-    hours = 4 * 3600 * 30 * (LONGEST - SHORTEST)
+    hours = 4 * 3600 * 30 * (LONGEST_WINDOW - SHORTEST_WINDOW)
     assert 13 + 4 * (BINS * PAIRS + 1) / hours < 24
 
 
@@ -242,7 +251,7 @@ def test_what_is_drawn_fits_and_is_drawn_once_and_all_is_where_no_more_is_there(
 
 @pytest.mark.parametrize("count", [3, 400, 1500, 10**6])
 def test_as_many_as_asked_for_are_drawn_where_there_are_so_many(wandering, count):
-    wanted = Wanted((1.0, 1.12), (0.3, -0.2), threshold=0.7)
+    wanted = WindowQuery((1.0, 1.12), (0.3, -0.2), threshold=0.7)
     told = fitting(wandering, wanted)
     assert 400 < len(told) < 1500
     found = rows(indexing.sample(wandering.index, wanted, count, np.random.default_rng(1)))
@@ -251,14 +260,14 @@ def test_as_many_as_asked_for_are_drawn_where_there_are_so_many(wandering, count
 
 
 def test_equal_generators_draw_the_same_and_others_not(wandering):
-    wanted = Wanted((1.0, 1.5), (0.3, -0.2), threshold=1.0)
+    wanted = WindowQuery((1.0, 1.5), (0.3, -0.2), threshold=1.0)
     a, b, c = (indexing.sample(wandering.index, wanted, 50, np.random.default_rng(seed)) for seed in (4, 4, 5))
     assert_same(a, b)
     assert set(rows(a)) != set(rows(c))
 
 
 def test_every_window_that_fits_is_as_likely_to_be_drawn(wandering):
-    wanted = Wanted((1.0, 1.12), (0.3, -0.2), threshold=0.7)
+    wanted = WindowQuery((1.0, 1.12), (0.3, -0.2), threshold=0.7)
     told = sorted(fitting(wandering, wanted), key=lambda row: (row[2], row[3], row[0]))
     group = {row: i * 20 // len(told) for i, row in enumerate(told)}
     size = np.bincount(list(group.values()))

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 
 from interpose.gallery import scan, store
 from interpose.gallery.matching import (
-    DEFAULT,
     FARTHEST,
     IN_PLACE,
     LEAST,
-    Part,
+    MATCH_DEFAULTS,
+    MatchSettings,
     Query,
-    Settings,
+    Window,
     band,
     compose,
     direct,
-    wanted,
+    window_query,
 )
-from interpose.gallery.windows import LONGEST, SHORTEST, TURN, features
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW, TURN, features
 
 UNIT = 2.0 * np.pi / TURN
 places = st.floats(-50.0, 50.0)
@@ -68,7 +68,7 @@ def test_a_query_in_place_is_seen_along_its_start():
     assert query.in_place
     assert query.heading == 0.7
     np.testing.assert_allclose(query.facing, (0.0, 1.2))
-    asked = wanted(query, (20, 30), (1,))
+    asked = window_query(query, (20, 30), (1,))
     assert asked.criterion == "turn"
     assert asked.distance[0] == 0.0
     assert not ahead(1.01 * IN_PLACE).in_place
@@ -89,12 +89,12 @@ def test_the_lengths_that_pass_hold_the_length_itself_and_little_more(distance):
 def test_a_planted_trajectory_is_found_wherever_it_is_asked_for(wandering, data, angle, x, z, mirrored):
     tracks = wandering.tracks
     begin, end = tracks.ranges[data.draw(st.sampled_from([0, 1, 3, 4]))].tolist()
-    steps = data.draw(st.integers(SHORTEST, LONGEST))
+    steps = data.draw(st.integers(SHORTEST_WINDOW, LONGEST_WINDOW))
     start = data.draw(st.integers(begin, end - steps - 1))
     query = ends_of(moved(tracks.cut(start, steps, mirrored), angle, x, z))
-    exact = Settings(tolerance=0.0, least_tolerance=1e-4, threshold=3.0 * UNIT)
+    exact = MatchSettings(tolerance=0.0, least_tolerance=1e-4, threshold=3.0 * UNIT)
     found = direct(wandering.search, query, 10**6, settings=exact)
-    planted = [trace for trace in found if trace.parts == (Part(start, steps, mirrored),)]
+    planted = [trace for trace in found if trace.parts == (Window(start, steps, mirrored),)]
     if query.in_place:  # only the turn counts there; windows by the thousand turn that much
         assert found[0].error <= 3.0 * UNIT
     else:
@@ -113,7 +113,7 @@ def test_direct_candidates_are_as_asked_for(wandering, first, last, metres, coun
     for trace in found:
         (part,) = trace.parts
         assert 20 <= part.steps <= 40
-        assert trace.error <= DEFAULT.threshold
+        assert trace.error <= MATCH_DEFAULTS.threshold
         clip = np.searchsorted(wandering.tracks.ranges[:, 0], part.start, side="right") - 1
         assert wandering.tracks.clip_styles[clip] == 2
         (length,) = lengths_of(wandering, trace)
@@ -127,9 +127,9 @@ def test_a_turn_in_place_is_found_by_how_far_it_turns():
     query = Query((5.0, 5.0, 3.0), (5.02, 5.0, 3.8))
     best = direct(gallery.search, query, 500)
     assert {trace.parts[0].steps for trace in best if trace.error < 0.5 * 0.02} == {40}
-    assert best[0].parts[0] == Part(0, 40, False)
+    assert best[0].parts[0] == Window(0, 40, False)
     other = direct(gallery.search, Query(query.start, (5.02, 5.0, 2.2)), 1)
-    assert other[0].parts[0] == Part(0, 40, True)
+    assert other[0].parts[0] == Window(0, 40, True)
 
 
 def test_where_there_is_no_candidate_there_is_none(marching):
@@ -141,7 +141,7 @@ def test_where_there_is_no_candidate_there_is_none(marching):
 # Compositions.
 
 
-def assert_holds(gallery, query, trace, steps, settings=DEFAULT):
+def assert_holds(gallery, query, trace, steps, settings=MATCH_DEFAULTS):
     """What every composition must keep to."""
     low, high = band(query.distance, settings)
     lengths = lengths_of(gallery, trace)
@@ -150,7 +150,7 @@ def assert_holds(gallery, query, trace, steps, settings=DEFAULT):
     assert steps[0] <= trace.steps <= steps[1]
     assert 0.0 <= trace.error <= settings.threshold + 1e-9
     assert 2 <= len(trace.parts) <= settings.rounds + 1
-    assert all(SHORTEST <= part.steps <= LONGEST for part in trace.parts)
+    assert all(SHORTEST_WINDOW <= part.steps <= LONGEST_WINDOW for part in trace.parts)
 
 
 def error_of(gallery, query, trace):
@@ -175,9 +175,9 @@ def test_a_way_beyond_the_longest_window_is_composed(strolling, metres, first, l
     assert direct(strolling.search, query, 1) == []
     search = Counted(strolling.search)
     trace = composed(strolling, query, seed, search)
-    assert len(search.asked) <= DEFAULT.searches
+    assert len(search.asked) <= MATCH_DEFAULTS.searches
     if trace is not None:
-        assert_holds(strolling, query, trace, (SHORTEST, 6 * LONGEST))
+        assert_holds(strolling, query, trace, (SHORTEST_WINDOW, 6 * LONGEST_WINDOW))
         assert trace.error == pytest.approx(error_of(strolling, query, trace), abs=6 * 2.001 * UNIT)
 
 
@@ -242,19 +242,19 @@ def test_what_cannot_be_composed_is_given_up_soon(strolling):
         (ahead(8.0), {"steps": (2000, 2200)}),
         (ahead(8.0), {"styles": ()}),
         (ahead(0.11), {"steps": (300, 301)}),
-        (ahead(2.5 * LEAST + IN_PLACE), {"settings": Settings(threshold=0.0)}),
-        (ahead(8.0), {"settings": Settings(rounds=0)}),
+        (ahead(2.5 * LEAST + IN_PLACE), {"settings": MatchSettings(threshold=0.0)}),
+        (ahead(8.0), {"settings": MatchSettings(rounds=0)}),
     ):
         search = Counted(strolling.search)
         assert composed(strolling, query, search=search, **more) is None
-        assert len(search.asked) <= DEFAULT.searches
+        assert len(search.asked) <= MATCH_DEFAULTS.searches
 
 
 @pytest.mark.parametrize("searches", [1, 2, 3, 4, 7])
 def test_no_more_is_searched_than_allowed(strolling, searches):
     for seed in range(10):
         search = Counted(strolling.search)
-        composed(strolling, ahead(9.0, (0.0, 0.65)), seed, search, settings=Settings(searches=searches))
+        composed(strolling, ahead(9.0, (0.0, 0.65)), seed, search, settings=MatchSettings(searches=searches))
         assert len(search.asked) <= searches
 
 
@@ -266,7 +266,7 @@ def test_later_parts_are_asked_for_with_what_is_left(strolling):
     first, *others = search.asked
     assert first.criterion == "start"
     assert first.distance[1] < 6.0
-    assert all(a.threshold <= DEFAULT.threshold for a in others)
+    assert all(a.threshold <= MATCH_DEFAULTS.threshold for a in others)
     assert all(a.distance[1] < 6.0 for a in others)
     assert others[-1].facing[1] == pytest.approx(query.facing[1])
 
@@ -284,12 +284,12 @@ def test_wandering_ways_are_composed_too(wandering):
     assert any(trace is not None for trace in made)
     for trace in made:
         if trace is not None:
-            assert_holds(wandering, ahead(far), trace, (SHORTEST, 6 * LONGEST))
+            assert_holds(wandering, ahead(far), trace, (SHORTEST_WINDOW, 6 * LONGEST_WINDOW))
 
 
 def test_longer_clips_reach_as_far_as_their_windows_in_a_row():
     gallery = store.of_tracks(tracks_of([even(200, pace=1.5), wander(200, 1)]))
-    reach = 6 * LONGEST * 1.5 / 30.0
+    reach = 6 * LONGEST_WINDOW * 1.5 / 30.0
     made = [composed(gallery, ahead(0.9 * reach), seed) for seed in range(20)]
     assert any(trace is not None for trace in made)
     assert all(composed(gallery, ahead(1.1 * reach), seed) is None for seed in range(5))

@@ -7,9 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interpose.gallery import paths
-from interpose.gallery.matching import IN_PLACE, Part, Query, Settings, Trace, compose, direct
-from interpose.gallery.paths import FADE, apart, ease, fit, join, meet, place, query_of, retime, stages, straight, turn
-from interpose.gallery.windows import LONGEST, SHORTEST
+from interpose.gallery.matching import IN_PLACE, MatchSettings, Query, Trace, Window, compose, direct
+from interpose.gallery.paths import (
+    FADE_STEPS,
+    apart,
+    ease,
+    fit,
+    join,
+    meet,
+    place,
+    query_of,
+    retime,
+    stages,
+    straight,
+    turn,
+)
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
 
 places = st.floats(-50.0, 50.0)
 TURN = 2.0 * np.pi
@@ -34,12 +47,12 @@ def assert_ends(path, query):
 
 def windows(gallery):
     """Any window of a gallery, as it lies or in the mirror."""
-    ranges = [clip for clip in gallery.tracks.ranges.tolist() if clip[1] - clip[0] > SHORTEST]
+    ranges = [clip for clip in gallery.tracks.ranges.tolist() if clip[1] - clip[0] > SHORTEST_WINDOW]
 
     def within(clip):
-        steps = st.integers(SHORTEST, min(LONGEST, clip[1] - clip[0] - 1))
+        steps = st.integers(SHORTEST_WINDOW, min(LONGEST_WINDOW, clip[1] - clip[0] - 1))
         return steps.flatmap(
-            lambda n: st.builds(Part, st.integers(clip[0], clip[1] - n - 1), st.just(n), st.booleans())
+            lambda n: st.builds(Window, st.integers(clip[0], clip[1] - n - 1), st.just(n), st.booleans())
         )
 
     return st.sampled_from(ranges).flatmap(within)
@@ -88,7 +101,7 @@ def test_short_ways_are_turned_onto_the_query_too():
         query = moved(track[: steps + 1], 2.0)
         asked = Query(tuple(query[0]), tuple(query[0] + (query[-1] - query[0]) * (0.11 / (0.004 * steps))))
         assert not asked.in_place
-        made = stages(gallery_tracks, Trace((Part(0, steps, False),), 0.0), asked).turned
+        made = stages(gallery_tracks, Trace((Window(0, steps, False),), 0.0), asked).turned
         np.testing.assert_allclose(made[-1, :2], asked.target[:2], atol=1e-6)
         np.testing.assert_allclose(made[:, 2], asked.start[2], atol=1e-6)
 
@@ -99,7 +112,7 @@ def test_a_composed_path_has_the_ends_of_the_query_and_no_kink(strolling, metres
     query = ends_of(moved(np.array([[0.0, 0.0, 0.1], [0.0, metres, -0.2]]), heading, 3.0, -4.0))
     draw = np.random.default_rng(seed)
     trace = compose(
-        strolling.search, strolling.tracks, strolling.distances, query, draw, settings=Settings(threshold=0.7)
+        strolling.search, strolling.tracks, strolling.distances, query, draw, settings=MatchSettings(threshold=0.7)
     )
     if trace is None:
         return
@@ -121,7 +134,7 @@ def test_yaw_does_not_jump_where_the_parts_are_whole_turns_apart():
     spun[:, 2] += 3 * TURN
     gallery_tracks = tracks_of([even(100), spun, even(100, facing=np.pi), even(100, heading=TURN - 0.01)])
     for first, second in ((0, 1), (1, 0), (1, 3), (2, 2), (0, 3)):
-        trace = Trace((Part(100 * first, 50, False), Part(100 * second, 50, False)), 0.0)
+        trace = Trace((Window(100 * first, 50, False), Window(100 * second, 50, False)), 0.0)
         for yaw in (0.0, 5 * TURN, -np.pi):
             query = Query((0.0, 0.0, yaw), (0.0, 4.0, yaw - TURN))
             path = place(gallery_tracks, trace, query)
@@ -132,7 +145,7 @@ def test_yaw_does_not_jump_where_the_parts_are_whole_turns_apart():
 # Joining.
 
 
-@given(st.integers(FADE + 1, 60), st.integers(FADE + 1, 60), angles, st.integers(0, 99))
+@given(st.integers(FADE_STEPS + 1, 60), st.integers(FADE_STEPS + 1, 60), angles, st.integers(0, 99))
 def test_places_yaws_and_steps_are_continuous_at_a_join(before, after, angle, seed):
     a = wander(before, seed)
     b = moved(wander(after, seed + 100), angle)
@@ -143,8 +156,8 @@ def test_places_yaws_and_steps_are_continuous_at_a_join(before, after, angle, se
     np.testing.assert_array_equal(path[0], a[0])
     np.testing.assert_allclose(path[-1, :2], b[-1, :2], atol=1e-12)
     np.testing.assert_allclose(np.exp(1j * path[-1, 2]), np.exp(1j * b[-1, 2]), atol=1e-9)
-    np.testing.assert_array_equal(path[: before - FADE], a[: before - FADE])
-    np.testing.assert_allclose(path[before - 1 + FADE :, :2], b[FADE:, :2], atol=1e-12)
+    np.testing.assert_array_equal(path[: before - FADE_STEPS], a[: before - FADE_STEPS])
+    np.testing.assert_allclose(path[before - 1 + FADE_STEPS :, :2], b[FADE_STEPS:, :2], atol=1e-12)
     assert abs(path[before - 1, 2] - a[-1, 2]) <= np.pi / 2.0 + 1e-9
 
 
@@ -190,7 +203,7 @@ def test_a_path_meets_the_velocities_known_at_its_ends(frames, seed, u, v):
         np.testing.assert_array_equal(path[:, 2], track[:, 2])
         told = [was if known is None else known for known, was in zip(velocities, own, strict=True)]
         np.testing.assert_allclose(30.0 * np.diff(path[:, :2], axis=0)[[0, -1]], told, atol=1e-9)
-        np.testing.assert_array_equal(path[FADE:-FADE], track[FADE:-FADE])
+        np.testing.assert_array_equal(path[FADE_STEPS:-FADE_STEPS], track[FADE_STEPS:-FADE_STEPS])
 
 
 def test_where_no_velocity_is_known_or_no_time_is_left_nothing_is_bent():
@@ -220,7 +233,7 @@ def test_the_query_of_a_path_is_its_ends():
     assert query_of(even(31, pace=1.0, facing=0.5)) == Query((0.0, 0.0, 0.5), (0.0, 1.0, 0.5))
 
 
-@given(st.integers(0, 50), angles, angles, st.integers(SHORTEST, 60))
+@given(st.integers(0, 50), angles, angles, st.integers(SHORTEST_WINDOW, 60))
 def test_fitting_moves_the_ends_only_as_far_as_needed(seed, first, last, steps):
     track = wander(steps + 1, seed)
     (x, z, _), (u, v, _) = track[[0, -1]].tolist()
@@ -245,7 +258,7 @@ def test_fitting_what_fits_changes_nothing_and_no_end_gets_a_kink():
     assert np.abs(bent[-2] - bent[-1]).max() < 0.002
 
 
-@given(st.integers(0, 50), st.integers(SHORTEST, LONGEST), st.integers(1, 300))
+@given(st.integers(0, 50), st.integers(SHORTEST_WINDOW, LONGEST_WINDOW), st.integers(1, 300))
 def test_a_retimed_path_has_its_ends_and_as_many_steps_as_asked_for(seed, steps, asked):
     track = wander(steps + 1, seed)
     path = retime(track, asked)
@@ -255,7 +268,7 @@ def test_a_retimed_path_has_its_ends_and_as_many_steps_as_asked_for(seed, steps,
         np.testing.assert_allclose(path[:: asked // steps], track, atol=1e-9)
 
 
-@given(st.integers(1, LONGEST), st.integers(1, 300))
+@given(st.integers(1, LONGEST_WINDOW), st.integers(1, 300))
 def test_an_even_path_stays_even_in_another_time(steps, asked):
     path = retime(even(steps + 1, facing=0.4), asked)
     np.testing.assert_allclose(np.diff(path[:, 1]), 0.04 * steps / asked, atol=1e-9)

@@ -9,7 +9,7 @@ from interpose import load_model, retarget
 from interpose.gallery import index, matching, scan, store
 from interpose.gallery.matching import Query
 from interpose.gallery.tracks import from_motions
-from interpose.gallery.windows import SHORTEST
+from interpose.gallery.windows import SHORTEST_WINDOW
 from interpose.io import bvh
 from interpose.motion import Motion, resample
 
@@ -17,7 +17,7 @@ from interpose.motion import Motion, resample
 def on22(path, frames) -> Motion:
     """A part of a clip on the 22 joints at 30 Hz."""
     clip = bvh.read(path)[frames]
-    return resample(retarget.to_humanoid(clip, retarget.plan(clip)), 30.0)
+    return resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,9 @@ def test_index_and_scan_agree_on_real_motion(gallery):
     for i in range(24):
         way, turn = draw.uniform(0.05, 3.0), draw.normal(0.0, 0.3 if i % 2 else 1.5, 2)
         styles = (int(i % 4 == 3),) if i % 4 > 1 else None
-        asked = matching.wanted(Query((0.0, 0.0, turn[0]), (0.0, way, turn[1])), (SHORTEST, 60 + i), styles)
+        asked = matching.window_query(
+            Query((0.0, 0.0, turn[0]), (0.0, way, turn[1])), (SHORTEST_WINDOW, 60 + i), styles
+        )
         fast, plain = index.best(gallery.index, asked, 40), scan.best(gallery.tracks, asked, 40)
         for name in ("start", "steps", "mirrored", "error"):
             np.testing.assert_array_equal(getattr(fast, name), getattr(plain, name))

@@ -20,7 +20,7 @@ from interpose.errors import InputError
 from interpose.gallery import index as indexing
 from interpose.gallery import store
 from interpose.gallery.matching import direct
-from interpose.gallery.windows import Wanted
+from interpose.gallery.windows import WindowQuery
 
 TRACKS = ("root", "posture", "ranges", "clip_styles")
 INDEX = ("start", "steps", "distance", "facing", "cells")
@@ -415,4 +415,4 @@ def test_a_style_without_any_clip_is_loaded(small, tmp_path):
     tracks = tracks_of([even(40), even(5)], ["Old", "Young"])
     store.save_small(tracks, INFO, tmp_path / "small.npz")
     loaded = store.load(tmp_path / "small.npz")
-    assert len(indexing.best(loaded.index, Wanted((0.0, 9.0), (0.0, 0.0), styles=(1,)), 9)) == 0
+    assert len(indexing.best(loaded.index, WindowQuery((0.0, 9.0), (0.0, 0.0), styles=(1,)), 9)) == 0

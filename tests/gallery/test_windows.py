@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from interpose.gallery.tracks import from_motions
 from interpose.gallery.windows import (
-    LONGEST,
-    NONE,
-    SHORTEST,
+    LONGEST_WINDOW,
+    NO_WINDOWS,
+    SHORTEST_WINDOW,
     TURN,
-    Found,
+    FoundWindows,
     apart,
     errors,
     features,
@@ -29,7 +29,7 @@ UNIT = 2.0 * np.pi / TURN
 
 def some_windows(frames, seed=0, count=400):
     rng = np.random.default_rng(seed)
-    steps = rng.integers(SHORTEST, min(LONGEST, frames - 1) + 1, count)
+    steps = rng.integers(SHORTEST_WINDOW, min(LONGEST_WINDOW, frames - 1) + 1, count)
     return (rng.random(count) * (frames - steps)).astype(np.int64), steps
 
 
@@ -146,13 +146,13 @@ found = st.integers(0, 60).flatmap(
 def test_the_best_come_by_error_then_side_then_start_then_steps(columns, count):
     start, steps, mirrored, error = (np.array(column, dtype=np.int64) for column in columns)
     rows = sorted(zip(error.tolist(), mirrored.tolist(), start.tolist(), steps.tolist(), strict=True))[:count]
-    best = first_of(Found(start, steps, mirrored, error), count)
+    best = first_of(FoundWindows(start, steps, mirrored, error), count)
     assert list(zip(best.error, best.mirrored, best.start, best.steps, strict=True)) == rows
 
 
 def test_findings_are_joined_and_chosen_from():
-    one = Found(*(np.array([4, 5]) for _ in range(4)))
-    both = join([one, NONE, one])
+    one = FoundWindows(*(np.array([4, 5]) for _ in range(4)))
+    both = join([one, NO_WINDOWS, one])
     assert both.start.tolist() == both.error.tolist() == [4, 5, 4, 5]
     assert select(both, both.steps == 5).mirrored.tolist() == [5, 5]
-    assert len(join([])) == len(NONE) == 0
+    assert len(join([])) == len(NO_WINDOWS) == 0

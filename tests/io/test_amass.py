@@ -179,7 +179,7 @@ def test_a_motion_written_as_amass_comes_back(motion: Motion) -> None:
 
 def test_the_humanoid_stands_in_its_t_pose() -> None:
     motion = parsed(arrays())
-    mapping = retarget.plan(motion)
+    mapping = retarget.map_skeleton(motion)
     assert (mapping.profile, mapping.missing) == ("SMPL", ())
     points = retarget.to_humanoid(motion, mapping).global_positions()[0]
     hips = {name: points[HUMANOID.index(name)] for name in HUMANOID.names}

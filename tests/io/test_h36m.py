@@ -228,7 +228,7 @@ def from_pelvis(motion: Motion) -> ndarray:
 
 def test_the_humanoid_stands_in_its_t_pose() -> None:
     motion = parsed(t_pose())
-    mapping = retarget.plan(motion)
+    mapping = retarget.map_skeleton(motion)
     assert mapping.missing == ("Spine1",)  # two joints of the spine stand for three
     back = retarget.to_humanoid(motion, mapping)
     np.testing.assert_allclose(back.global_rotations()[0], np.broadcast_to(rotation.IDENTITY, (22, 4)), atol=1e-6)

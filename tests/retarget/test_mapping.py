@@ -9,7 +9,7 @@ from retarget.characters import RIGS, Rig, build, random_motion
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.retarget import describe, plan, to_humanoid
+from interpose.retarget import describe, map_skeleton, to_humanoid
 from interpose.retarget.mapping import MOST_SPARE
 from interpose.retarget.naming import split_side
 from interpose.skeleton import HUMANOID, Skeleton
@@ -29,7 +29,7 @@ def without(skeleton: Skeleton, *names: str) -> Skeleton:
 
 @pytest.mark.parametrize("rig", RIGS, ids=IDS)
 def test_every_dialect_maps_all_that_it_has(rig: Rig) -> None:
-    mapping = plan(build(rig))
+    mapping = map_skeleton(build(rig))
     pairs = mapping.pairs()
     assert mapping.profile == rig.profile
     assert pairs["Hips"] == rig.hips
@@ -52,7 +52,7 @@ def test_every_dialect_maps_all_that_it_has(rig: Rig) -> None:
 @pytest.mark.parametrize("rig", RIGS, ids=IDS)
 def test_the_rest_pose_becomes_the_humanoid_t_pose_on_the_floor(rig: Rig) -> None:
     skeleton = build(rig)
-    mapping = plan(skeleton)
+    mapping = map_skeleton(skeleton)
     standing = random_motion(skeleton, 0, frames=1, spread=0.0)
     pose = to_humanoid(standing, mapping)
     np.testing.assert_allclose(rotation.angle(pose.global_rotations()), 0.0, atol=1e-7)
@@ -60,7 +60,7 @@ def test_the_rest_pose_becomes_the_humanoid_t_pose_on_the_floor(rig: Rig) -> Non
 
 
 def test_the_humanoid_maps_to_itself_unchanged() -> None:
-    mapping = plan(HUMANOID)
+    mapping = map_skeleton(HUMANOID)
     assert mapping.joints == tuple(range(22))
     np.testing.assert_array_equal(mapping.rest_global, np.tile(rotation.IDENTITY, (22, 1)))
     assert mapping.scale == 1.0
@@ -74,9 +74,9 @@ def test_the_fallback_tells_left_from_right_by_the_feet() -> None:
     skeleton = build(rig)
     turned = Skeleton(skeleton.names, skeleton.parents, skeleton.offsets * np.array([-1.0, 1.0, -1.0]))
     mirrored = Skeleton(skeleton.names, skeleton.parents, skeleton.offsets * np.array([-1.0, 1.0, 1.0]))
-    assert plan(turned).pairs()["LeftUpLeg"] == "xb1"  # the whole body turned round
-    assert plan(mirrored).pairs()["LeftUpLeg"] == "yb1"  # the sides exchanged
-    assert plan(mirrored).pairs()["LeftHand"] == "yc4"
+    assert map_skeleton(turned).pairs()["LeftUpLeg"] == "xb1"  # the whole body turned round
+    assert map_skeleton(mirrored).pairs()["LeftUpLeg"] == "yb1"  # the sides exchanged
+    assert map_skeleton(mirrored).pairs()["LeftHand"] == "yc4"
 
 
 @pytest.mark.parametrize(
@@ -85,13 +85,13 @@ def test_the_fallback_tells_left_from_right_by_the_feet() -> None:
 )
 def test_missing_legs_are_named(gone: tuple[str, ...], said: str) -> None:
     with pytest.raises(InputError, match=f"missing {said}"):
-        plan(without(build(RIGS[0]), *gone))
+        map_skeleton(without(build(RIGS[0]), *gone))
 
 
 def test_missing_hips_are_named() -> None:
     skeleton = Skeleton(("spoon", "LeftFoot", "RightFoot"), (-1, 0, 0), np.eye(3))
     with pytest.raises(InputError, match="missing Hips, LeftUpLeg"):
-        plan(skeleton)
+        map_skeleton(skeleton)
 
 
 def many_legged(legs: int) -> Motion:
@@ -109,7 +109,7 @@ def many_legged(legs: int) -> Motion:
 
 def test_what_has_eight_legs_is_no_humanoid() -> None:
     with pytest.raises(InputError, match=r"6\d % of its bones' length has no counterpart .* more than two legs"):
-        plan(many_legged(8))
+        map_skeleton(many_legged(8))
 
 
 def with_tails(rig: Rig) -> Skeleton:
@@ -118,22 +118,22 @@ def with_tails(rig: Rig) -> Skeleton:
 
 
 def test_names_of_a_known_family_are_believed_whatever_hangs_on_them() -> None:
-    known = plan(with_tails(next(rig for rig in RIGS if rig.profile == "Mixamo")))
+    known = map_skeleton(with_tails(next(rig for rig in RIGS if rig.profile == "Mixamo")))
     assert known.spare > MOST_SPARE
     assert known.missing == ()
     with pytest.raises(InputError, match="tail0, tail1"):
-        plan(with_tails(next(rig for rig in RIGS if rig.profile == "hierarchy")))
+        map_skeleton(with_tails(next(rig for rig in RIGS if rig.profile == "hierarchy")))
 
 
 @pytest.mark.parametrize("rig", RIGS, ids=IDS)
 def test_little_of_a_humanoid_is_spare(rig: Rig) -> None:
-    assert plan(build(rig)).spare < 0.1
+    assert map_skeleton(build(rig)).spare < 0.1
 
 
 def test_a_skeleton_without_lengths_is_refused() -> None:
     skeleton = build(RIGS[0])
     with pytest.raises(InputError):
-        plan(Skeleton(skeleton.names, skeleton.parents, np.zeros_like(skeleton.offsets)))
+        map_skeleton(Skeleton(skeleton.names, skeleton.parents, np.zeros_like(skeleton.offsets)))
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_skeleton_without_lengths_is_refused() -> None:
 )
 def test_optional_joints_may_be_missing(gone: tuple[str, ...], missing: set[str]) -> None:
     skeleton = without(build(RIGS[0]), *gone)
-    mapping = plan(skeleton)
+    mapping = map_skeleton(skeleton)
     assert set(mapping.missing) == missing
     pose = to_humanoid(random_motion(skeleton, 1), mapping)
     np.testing.assert_allclose(np.linalg.norm(pose.local_rotations, axis=-1), 1.0)
@@ -155,7 +155,7 @@ def test_optional_joints_may_be_missing(gone: tuple[str, ...], missing: set[str]
 
 def test_description_names_every_joint_once() -> None:
     motion = random_motion(build(RIGS[1]), 0)
-    rows = describe(motion, plan(motion))
+    rows = describe(motion, map_skeleton(motion))
     values = dict(rows)
     assert values["profile"] == "100STYLE"
     assert values["LeftForeArm"] == "LeftElbow"

@@ -16,12 +16,12 @@ from interpose.motion import Motion, concatenate, mirror
 from interpose.retarget.mirrored import counterparts, mirrored
 from interpose.skeleton import HUMANOID, MIRROR, Skeleton
 
-PLAN = retarget.plan(poses.pose(poses.STAND))
+PLAN = retarget.map_skeleton(poses.pose(poses.STAND))
 TRUNK = [i for i, name in enumerate(HUMANOID.names) if not name.startswith(("Left", "Right"))]
 
 
 def planned(motion: Motion) -> retarget.Mapping:
-    return retarget.plan(motion)
+    return retarget.map_skeleton(motion)
 
 
 def close(one: Motion, other: Motion, atol: float = 1e-5) -> None:

@@ -11,7 +11,7 @@ import pytest
 from interpose import rotation
 from interpose.io import bvh
 from interpose.motion import Motion
-from interpose.retarget import Mapping, from_humanoid, plan, to_humanoid
+from interpose.retarget import Mapping, from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID
 
 ENDS = ("LeftHand", "RightHand", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
@@ -53,7 +53,7 @@ def check_hinges(pose: Motion) -> None:
 
 def test_lafan1_comes_back_the_same(lafan1_dir: Path) -> None:
     for clip in clips(lafan1_dir, 5):
-        mapping = plan(clip)
+        mapping = map_skeleton(clip)
         assert (mapping.profile, mapping.missing, mapping.unmapped) == ("LaFAN1", (), ())
         assert mapping.scale == pytest.approx(1.0, abs=1e-4)
         pose = to_humanoid(clip, mapping)
@@ -66,7 +66,7 @@ def test_lafan1_comes_back_the_same(lafan1_dir: Path) -> None:
 
 def test_lafan1_starts_in_the_t_pose_of_the_humanoid(lafan1_dir: Path) -> None:
     clip = bvh.read(lafan1_dir / "dance1_subject1.bvh")[0]
-    turns = rotation.angle(to_humanoid(clip, plan(clip)).global_rotations()[0])
+    turns = rotation.angle(to_humanoid(clip, map_skeleton(clip)).global_rotations()[0])
     assert turns.max() < np.radians(30.0)
 
 
@@ -85,14 +85,14 @@ def check_there_and_back(clip: Motion, mapping: Mapping, lowest_toe: float) -> N
 
 def test_100style_keeps_hands_feet_and_floor(style100_dir: Path) -> None:
     for clip in clips(style100_dir, 5):
-        mapping = plan(clip)
+        mapping = map_skeleton(clip)
         assert (mapping.profile, mapping.missing, mapping.unmapped) == ("100STYLE", (), ("Chest3",))
         check_there_and_back(clip, mapping, lowest_toe=-0.02)
 
 
 def test_bandai_namco_keeps_hands_feet_and_floor(bandai_dir: Path) -> None:
     for clip in clips(bandai_dir, 8):
-        mapping = plan(clip)
+        mapping = map_skeleton(clip)
         assert (mapping.profile, mapping.missing, mapping.unmapped) == ("Bandai-Namco", ("Spine1",), ("joint_Root",))
         # At the push-off a longer foot than Bandai-Namco's reaches deeper.
         check_there_and_back(clip, mapping, lowest_toe=-0.04)
@@ -102,7 +102,7 @@ def test_bandai_namco_keeps_hands_feet_and_floor(bandai_dir: Path) -> None:
 def test_lafan1_is_understood_without_its_names(lafan1_dir: Path, name: str) -> None:
     clip = bvh.read(lafan1_dir / f"{name}.bvh")[::10]
     nameless = replace(clip.skeleton, names=tuple(f"joint{j}" for j in range(len(clip.skeleton))))
-    mapping, known = plan(replace(clip, skeleton=nameless)), plan(clip)
+    mapping, known = map_skeleton(replace(clip, skeleton=nameless)), map_skeleton(clip)
     assert mapping.profile == "hierarchy"
     assert mapping.joints == known.joints
     off = rotation.angle(rotation.multiply(mapping.rest_global, rotation.inverse(known.rest_global)))

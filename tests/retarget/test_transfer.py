@@ -11,7 +11,7 @@ from retarget.characters import RIGS, Rig, about, build, random_motion, repose
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.retarget import from_humanoid, plan, to_humanoid
+from interpose.retarget import from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID, Skeleton
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -41,7 +41,7 @@ def mapped(motion: Motion, names: set[str | None]) -> list[int]:
 @given(rig=RIG, seed=SEEDS)
 def test_mapped_joints_return_as_they_went(rig: Rig, seed: int) -> None:
     motion = random_motion(build(rig), seed)
-    mapping = plan(motion)
+    mapping = map_skeleton(motion)
     back = from_humanoid(to_humanoid(motion, mapping), mapping)
     joints = mapped(motion, set(mapping.pairs().values()))
     angles = rotation.angle(
@@ -56,7 +56,7 @@ def test_mapped_joints_return_as_they_went(rig: Rig, seed: int) -> None:
 @given(rig=RIG, seed=SEEDS)
 def test_the_whole_pose_returns_beside_its_own_details(rig: Rig, seed: int) -> None:
     motion = random_motion(build(rig), seed)
-    mapping = plan(motion)
+    mapping = map_skeleton(motion)
     there = to_humanoid(motion, mapping)
     back = from_humanoid(there, mapping, like=motion)
     np.testing.assert_allclose(back.global_positions(), motion.global_positions(), atol=1e-9)
@@ -69,7 +69,7 @@ def test_the_whole_pose_returns_beside_its_own_details(rig: Rig, seed: int) -> N
 def test_the_humanoid_returns_from_any_skeleton(seed: int) -> None:
     motion = random_motion(HUMANOID, seed)
     for rig in (RIGS[0], RIGS[3], RIGS[6]):
-        mapping = plan(build(rig))
+        mapping = map_skeleton(build(rig))
         again = to_humanoid(from_humanoid(motion, mapping), mapping)
         assert turned(motion, again) < 1e-6
         np.testing.assert_allclose(again.root_positions, motion.root_positions, atol=1e-9)
@@ -84,7 +84,7 @@ RESTS = ("A", "arms down", "lying on the back", "lying on the side", "facing awa
 def test_the_rest_pose_does_not_change_the_motion(rest: str, seed: int) -> None:
     skeleton = build(RIGS[7])
     motion = random_motion(skeleton, seed)
-    expected = to_humanoid(motion, plan(skeleton))
+    expected = to_humanoid(motion, map_skeleton(skeleton))
     turns = {}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         arm, fore = chain(skeleton, side + "Arm"), chain(skeleton, side + "ForeArm")
@@ -105,7 +105,7 @@ def test_the_rest_pose_does_not_change_the_motion(rest: str, seed: int) -> None:
         turns = dict.fromkeys(skeleton.names, whole[rest])
     other, same = repose(skeleton, motion, turns)
     np.testing.assert_allclose(same.global_positions(), motion.global_positions(), atol=1e-9)
-    found = to_humanoid(same, plan(other))
+    found = to_humanoid(same, map_skeleton(other))
     assert turned(expected, found) < 1e-6
     np.testing.assert_allclose(found.root_positions, expected.root_positions, atol=1e-9)
 
@@ -161,10 +161,10 @@ def test_bones_along_one_axis_are_understood_by_profile_or_from_the_motion(names
         other = replace(other, names=tuple(f"joint{j}" for j in range(len(other))))
         same = replace(same, skeleton=other)
         with pytest.raises(InputError, match="rest pose"):
-            plan(other)
-    mapping = plan(same)
+            map_skeleton(other)
+    mapping = map_skeleton(same)
     assert mapping.profile == ("LaFAN1" if names == "LaFAN1" else "hierarchy")
-    expected = to_humanoid(motion, plan(skeleton))
+    expected = to_humanoid(motion, map_skeleton(skeleton))
     found = to_humanoid(same, mapping)
     difference = rotation.angle(
         rotation.multiply(rotation.inverse(expected.global_rotations()), found.global_rotations())
@@ -183,7 +183,7 @@ def test_a_flat_foot_stands_on_the_same_floor() -> None:
     )  # the toe joint of a rig of unknown measures is taken to be 2 % of the leg above the floor
     rest = np.tile(rotation.IDENTITY, (1, len(skeleton), 1))
     standing = Motion(skeleton, np.array([[1.0, ankle + 0.78 + 0.03, 2.0]]), rest, 30.0)
-    points = to_humanoid(standing, plan(skeleton)).global_positions()[0]
+    points = to_humanoid(standing, map_skeleton(skeleton)).global_positions()[0]
     assert points[HUMANOID.index("LeftToe"), 1] == pytest.approx(0.0, abs=1e-9)
     assert points[HUMANOID.index("RightFoot"), 1] == pytest.approx(0.0745, abs=1e-9)
 
@@ -191,7 +191,7 @@ def test_a_flat_foot_stands_on_the_same_floor() -> None:
 def test_missing_torso_joints_bend_evenly_and_missing_arms_hang() -> None:
     skeleton = build(RIGS[2])
     motion = random_motion(skeleton, 5)
-    pose = to_humanoid(motion, plan(skeleton)).global_rotations()
+    pose = to_humanoid(motion, map_skeleton(skeleton)).global_rotations()
     low, middle, high = (pose[:, HUMANOID.index(name)] for name in ("Spine", "Spine1", "Spine2"))
     np.testing.assert_allclose(
         rotation.angle(rotation.multiply(rotation.inverse(low), middle)),
@@ -200,7 +200,7 @@ def test_missing_torso_joints_bend_evenly_and_missing_arms_hang() -> None:
     )
     legs = Skeleton(skeleton.names[:10], skeleton.parents[:10], skeleton.offsets[:10])
     still = Motion(legs, np.zeros((1, 3)), np.tile(rotation.IDENTITY, (1, 10, 1)), 30.0)
-    points = to_humanoid(still, plan(legs)).global_positions()[0]
+    points = to_humanoid(still, map_skeleton(legs)).global_positions()[0]
     assert points[HUMANOID.index("LeftHand"), 1] < points[HUMANOID.index("LeftArm"), 1] - 0.5
 
 
@@ -210,7 +210,7 @@ def test_inner_joints_without_a_counterpart_bend_with_their_neighbours() -> None
     for name in ("Chest3", "Chest4"):
         bend[:, skeleton.index(name)] = about("x", 12.0)
     motion = Motion(skeleton, np.zeros((1, 3)), bend, 30.0)
-    mapping = plan(skeleton)
+    mapping = map_skeleton(skeleton)
     back = from_humanoid(to_humanoid(motion, mapping), mapping)
     np.testing.assert_allclose(back.global_positions(), motion.global_positions(), atol=1e-9)
 
@@ -225,7 +225,7 @@ def animated(motion: Motion, seed: int) -> Motion:
 
 def test_the_result_keeps_rate_and_layout() -> None:
     motion = replace(random_motion(build(RIGS[1]), 2), rate=60.0, layout="as in the file")
-    mapping = plan(motion)
+    mapping = map_skeleton(motion)
     there = to_humanoid(motion, mapping)
     assert (there.rate, there.layout) == (60.0, None)
     back = from_humanoid(there, mapping, like=motion[0])
@@ -233,7 +233,7 @@ def test_the_result_keeps_rate_and_layout() -> None:
 
 
 def test_motions_of_another_skeleton_are_refused() -> None:
-    mapping = plan(build(RIGS[0]))
+    mapping = map_skeleton(build(RIGS[0]))
     stranger = random_motion(build(RIGS[1]), 0)
     with pytest.raises(InputError, match="plan it again"):
         to_humanoid(stranger, mapping)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from interpose.drawn_path.path_file import Drawn
+from interpose.drawn_path.path_file import DrawnPath
 from interpose.errors import InputError
 from interpose.gallery import paths, proposals, store
-from interpose.gallery.proposals import Asked
+from interpose.gallery.proposals import PathRequest
 from interpose.gallery.tracks import from_database, track_of
 from interpose.motion import Motion
 from interpose.runtime import guidance
@@ -170,7 +170,7 @@ def test_a_short_gap_at_a_plausible_pace_is_the_models_own_without_a_word(sessio
 def test_a_drawn_line_is_followed(session, gallery):
     gap = gap_of()
     middle = (np.array(gap.query.start[:2]) + np.array(gap.query.target[:2])) / 2.0 + [0.5, 0.0]
-    plan = plans(session, gallery, gap, Wish(46, "drawn", Drawn(middle[None])), 2)
+    plan = plans(session, gallery, gap, Wish(46, "drawn", DrawnPath(middle[None])), 2)
     assert [p.trajectory for p in plan] == ["drawn"] * 2
     assert np.linalg.norm(plan[0].path[:, :2] - middle, axis=-1).min() < 0.1
     assert plan[0].steps == 46
@@ -187,7 +187,7 @@ def test_known_motion_around_the_gap_gives_velocities():
 
 def test_a_way_of_another_style_is_taken_where_it_is_clearly_nearer_to_the_networks_own(gallery):
     gap = gap_of()
-    (near,) = proposals.propose(gallery, gap.query, Asked(46), gap.ends)
+    (near,) = proposals.propose(gallery, gap.query, PathRequest(46), gap.ends)
     aside = 0.5 * np.sin(np.linspace(0.0, np.pi, 47))[:, None] * np.array([1.0, 1.0, 0.0])
     far = replace(near, path=near.path + aside)
     taken = guidance._of_any_style(gallery, gap.query, gap.ends, far, near.path, 0)

@@ -290,7 +290,7 @@ def test_foot_slide_is_the_weighted_travel_of_low_toes():
 
 def test_the_mapping_can_be_found_once_for_a_clip(served, monkeypatch):
     clip = walk(80, 30.0)
-    mapping = retarget.plan(clip)
+    mapping = retarget.map_skeleton(clip)
     monkeypatch.setattr(retarget, "plan", lambda motion: pytest.fail("the mapping was planned again"))
     (made,) = inbetween(clip[0], clip[40], 39, MODEL, mapping=mapping)
     assert made.info.fallback is None

@@ -9,7 +9,6 @@ from learning import march
 
 from interpose import features, parts, retarget, rotation
 from interpose.errors import InputError
-from interpose.motion import Motion
 from interpose.runtime import inbetween, target_parts
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
@@ -32,7 +31,7 @@ def rig():
 def on_rig(motion, seed=0):
     """The motion on that rig, finger and eye turned by chance."""
     skeleton = rig()
-    mapping = retarget.plan(Motion(skeleton, np.zeros((1, 3)), np.tile(rotation.IDENTITY, (1, 25, 1)), motion.rate))
+    mapping = retarget.map_skeleton(skeleton)
     made = retarget.from_humanoid(motion, mapping)
     local = made.local_rotations.copy()
     local[:, -2:] = rotation.from_rotation_vector(np.random.default_rng(seed).normal(size=(len(made), 2, 3)))
@@ -62,7 +61,7 @@ def completing(monkeypatch):
 @pytest.mark.parametrize("text", GIVEN)
 @pytest.mark.parametrize("other", [False, True], ids=["humanoid", "rig"])
 def test_what_is_given_is_met(completing, text, other):
-    clip, mapping = on_rig(CLIP) if other else (CLIP, retarget.plan(CLIP))
+    clip, mapping = on_rig(CLIP) if other else (CLIP, retarget.map_skeleton(CLIP))
     given = parts.parse(text)
     (end,) = target_parts.complete(clip[:10], clip[40], given, completing[0], mapping, target_parts.Wish(30))
     assert end.note is None
@@ -78,7 +77,7 @@ def test_the_network_is_told_what_is_known(completing):
     given = parts.parse("left-hand,ground")
     fast = replace(CLIP, rate=60.0)
     wish = target_parts.Wish(30, "Old", 1.5, seed=0)
-    ends = target_parts.complete(fast[:10], fast[40], given, session, retarget.plan(fast), wish, 3)
+    ends = target_parts.complete(fast[:10], fast[40], given, session, retarget.map_skeleton(fast), wish, 3)
     (feed,) = heard
     np.testing.assert_array_equal(feed["joints"], np.tile(given.known, (3, 1)))
     np.testing.assert_array_equal(feed["ground"], np.ones((3, 1)))
@@ -89,7 +88,9 @@ def test_the_network_is_told_what_is_known(completing):
     assert not feed["noise"][0].any()
     assert len({tuple(row) for row in feed["noise"]}) == 3
     assert len({tuple(end.pose.root_positions[0]) for end in ends}) == 3
-    again = target_parts.complete(fast[:10], fast[40], given, session, retarget.plan(fast), replace(wish, frames=None))
+    again = target_parts.complete(
+        fast[:10], fast[40], given, session, retarget.map_skeleton(fast), replace(wish, frames=None)
+    )
     np.testing.assert_array_equal(again[0].pose.root_positions, ends[0].pose.root_positions)
     assert 15 <= heard[1]["frames"][0, 0] <= 90
 
@@ -97,7 +98,7 @@ def test_the_network_is_told_what_is_known(completing):
 def test_feet_that_stand_are_on_the_floor(completing):
     pose = replace(CLIP[30], root_positions=CLIP[30].root_positions - [0.0, 0.04, 0.0])
     (end,) = target_parts.complete(
-        pose, pose, parts.parse("head"), completing[0], retarget.plan(CLIP), target_parts.Wish(30)
+        pose, pose, parts.parse("head"), completing[0], retarget.map_skeleton(CLIP), target_parts.Wish(30)
     )
     feet = end.pose.global_positions()[0, [HUMANOID.index(n) for n in ("LeftFoot", "LeftToe", "RightFoot", "RightToe")]]
     np.testing.assert_allclose(feet[:, 1], [0.075, 0.015, 0.075, 0.015], atol=1e-6)
@@ -114,7 +115,7 @@ def test_fingers_follow_the_hand_that_is_given(completing):
 
 @pytest.mark.parametrize("text", GIVEN)
 def test_without_a_network_the_start_pose_is_carried_along(text):
-    given, mapping = parts.parse(text), retarget.plan(CLIP)
+    given, mapping = parts.parse(text), retarget.map_skeleton(CLIP)
     (end,) = target_parts.complete(CLIP[9], CLIP[40], given, None, mapping, target_parts.Wish(30))
     assert end.note == "interpolation completes no targets; what is free of it is as in the start pose"
     assert max(target_parts.missed(end.pose, CLIP[40], given, mapping)) < 1e-4
@@ -129,7 +130,7 @@ def test_what_cannot_be_reached_is_told():
     start = replace(CLIP[9], translations=np.repeat(HUMANOID.offsets[None], 1, axis=0))
     start.translations[:, 0] = CLIP[9].root_positions
     (end,) = target_parts.complete(
-        start, stretched, parts.parse("hips,head"), None, retarget.plan(CLIP), target_parts.Wish(30)
+        start, stretched, parts.parse("hips,head"), None, retarget.map_skeleton(CLIP), target_parts.Wish(30)
     )
     assert "the target's given part cannot be reached by" in end.note
 
@@ -156,7 +157,7 @@ def test_what_cannot_be_served_is_refused():
     bad = replace(CLIP[9], root_positions=np.full((1, 3), np.nan))
     with pytest.raises(InputError, match="not finite"):
         inbetween.inbetween(CLIP[0], bad, 20, Request("interp", parts=parts.parse("hips")))
-    mapping = retarget.plan(CLIP)
+    mapping = retarget.map_skeleton(CLIP)
     short = replace(mapping, joints=(*mapping.joints[:21], None))
     with pytest.raises(InputError, match="no joint that stands for RightHand"):
         target_parts.complete(CLIP[0], CLIP[9], parts.parse("right-hand"), None, short, target_parts.Wish(None))

@@ -32,7 +32,7 @@ def test_a_foot_in_motion_at_the_start_key_does_not_stand_there_yet(monkeypatch)
     monkeypatch.setattr(transition.lock, "plant_batch", plant_batch)
     session = Session(Path("nowhere"), {"name": "stand-in", "method": "dcmoe", "styles": [], "absolute": False})
     for start in (clip[:2], clip[1]):
-        transition.generate([start], clip[2], [20], [Plan(21)], session, retarget.plan(clip))
+        transition.generate([start], clip[2], [20], [Plan(21)], session, retarget.map_skeleton(clip))
     known, lone = asked
     assert not known[0, : transition.LANDING, :2].any()
     assert known[0, : transition.LANDING, 2:].all()

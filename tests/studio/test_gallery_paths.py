@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.gallery.matching import Part, Query, Trace
-from interpose.gallery.proposals import Asked, Proposal, Unreachable
+from interpose.gallery.matching import Query, Trace, Window
+from interpose.gallery.proposals import PathRequest, Proposal, Unreachable
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import Ends
+from interpose.gallery.weighing import EndStates
 from interpose.studio import gallery_paths
 from interpose.studio.gallery_paths import APART, POINTS, line_of
 from interpose.studio.methods import Sessions
@@ -92,12 +92,12 @@ def found_of(styles: list[str | None], refuses: str | None) -> Callable[..., lis
     """In place of the search: one path of 61 frames that took 40 and 30 when it was walked. It notes the styles that it
     is asked for, and finds nothing in the one that it refuses."""
 
-    def propose(gallery: Gallery, query: Query, asked: Asked, ends: Ends, **_: int) -> list[Proposal]:
+    def propose(gallery: Gallery, query: Query, asked: PathRequest, ends: EndStates, **_: int) -> list[Proposal]:
         styles.append(asked.style)
         if asked.style is not None and asked.style == refuses:
             raise Unreachable("nothing leads there")
         path = np.linspace([*query.start], [*query.target], 61)
-        trace = Trace((Part(0, 40, False), Part(100, 30, False)), 0.0)
+        trace = Trace((Window(0, 40, False), Window(100, 30, False)), 0.0)
         return [Proposal(path, trace, "Angry", 0.5)]
 
     return propose

@@ -21,11 +21,11 @@ from interpose.errors import InputError
 from interpose.features import RATE
 from interpose.gallery import plots, proposals, store
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import Asked, Proposal
+from interpose.gallery.proposals import PathRequest, Proposal
 from interpose.gallery.speeds import Suggestion
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
-from interpose.gallery.weighing import NOTHING_KNOWN, Ends
+from interpose.gallery.weighing import NOTHING_KNOWN, EndStates
 from interpose.motion import Motion
 from interpose.rotation import wrapped
 from interpose.runtime import model_folder, model_gallery
@@ -75,7 +75,7 @@ def query(
     frames, speed, style = asked
     steps = None if frames is None else frames + 1
     told = proposals.suggestion(gallery, wanted, ends, style, seed)
-    found = proposals.propose(gallery, wanted, Asked(steps, speed, style), ends, count=count, seed=seed)
+    found = proposals.propose(gallery, wanted, PathRequest(steps, speed, style), ends, count=count, seed=seed)
     rows = [_row(gallery, one) for one in found]
     if as_json:
         start, target = list(wanted.start), list(wanted.target)
@@ -113,7 +113,7 @@ def gallery_of(name: str) -> Gallery:
     return found
 
 
-def _query(start: str, target: str) -> tuple[Query, Ends]:
+def _query(start: str, target: str) -> tuple[Query, EndStates]:
     places = [_place(text) if _PLACE.fullmatch(text) and not Path(text).exists() else None for text in (start, target)]
     if all(place is not None for place in places):
         return Query(*(place for place in places if place is not None)), NOTHING_KNOWN
@@ -124,9 +124,9 @@ def _query(start: str, target: str) -> tuple[Query, Ends]:
     keys: list[Motion] = []
     for text, default in ((start, -1), (target, 0)):
         motion = pose(text, default).pose
-        keys.append(retarget.to_humanoid(motion, retarget.plan(motion)))
+        keys.append(retarget.to_humanoid(motion, retarget.map_skeleton(motion)))
     a, b = (track_of(key)[0].tolist() for key in keys)
-    return Query((a[0], a[1], a[2]), (b[0], b[1], b[2])), Ends((posture_of(keys[0])[0], posture_of(keys[1])[0]))
+    return Query((a[0], a[1], a[2]), (b[0], b[1], b[2])), EndStates((posture_of(keys[0])[0], posture_of(keys[1])[0]))
 
 
 def _place(text: str) -> tuple[float, float, float]:

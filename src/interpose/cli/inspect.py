@@ -30,7 +30,7 @@ def info(files: Sequence[str], as_json: bool) -> int:
 def describe(name: str, clip: Motion) -> dict[str, Any]:
     """What `interpose info` tells of a clip; `mapping` is None where no humanoid is found, `problem` then says why."""
     try:
-        mapping, problem = retarget.plan(clip), None
+        mapping, problem = retarget.map_skeleton(clip), None
     except InputError as error:
         mapping, problem = None, str(error)
     layout = clip.layout

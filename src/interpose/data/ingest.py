@@ -142,7 +142,7 @@ def prepare(
 
 def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
     """One clip, read from its file, as it lies in the database; raises InputError where it cannot be used."""
-    mapping = retarget.plan(motion)
+    mapping = retarget.map_skeleton(motion)
     start, stop = 0, len(motion)
     if clip.cut is not None:
         start, stop = (min(round(frame * motion.rate / CUT_RATE), len(motion)) for frame in clip.cut)

@@ -16,7 +16,7 @@ from interpose.demo.scenes import Scene, scenes
 from interpose.errors import InputError
 from interpose.io import bvh, gltf
 from interpose.motion import concatenate
-from interpose.render import Row, compose, draw_rows, save
+from interpose.render import SheetRow, compose, draw_rows, save
 from interpose.runtime.model import Model, load_model
 from interpose.runtime.request import Info
 
@@ -48,7 +48,7 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
     except OSError as error:
         raise InputError(f"{out}: no folder can be made there ({error.strerror}); choose another") from None
     asked = scenes()
-    mapping = retarget.plan(asked[0].start)
+    mapping = retarget.map_skeleton(asked[0].start)
     made, rows = [], []
     for scene in asked:
         candidate = model.inbetween(
@@ -65,7 +65,7 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
         bvh.write(bvh_file, whole)
         gltf.write(glb_file, {scene.name: whole})
         made.append(Made(scene, candidate.info, (bvh_file, glb_file, png_file)))
-        rows.append(Row(whole, scene.style, _notes(scene, candidate.info)))
+        rows.append(SheetRow(whole, scene.style, _notes(scene, candidate.info)))
     pictures = draw_rows(rows)
     for each, picture in zip(made, pictures, strict=True):
         save(each.files[2], compose([picture]))

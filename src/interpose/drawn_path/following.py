@@ -19,16 +19,16 @@ from scipy.interpolate import PchipInterpolator
 from interpose.drawn_path import curve as curves
 from interpose.drawn_path import pacing
 from interpose.drawn_path.curve import SHORT, TURNED, Curve, gaussian
-from interpose.drawn_path.pacing import Progress
-from interpose.drawn_path.path_file import Drawn
+from interpose.drawn_path.pacing import PathProgress
+from interpose.drawn_path.path_file import DrawnPath
 from interpose.errors import InputError
 from interpose.features import RATE
 from interpose.gallery import paths
 from interpose.gallery.matching import Query
 from interpose.gallery.paths import ease
-from interpose.gallery.proposals import LONGEST_GAP, Asked
+from interpose.gallery.proposals import LONGEST_GAP, PathRequest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import Ends
+from interpose.gallery.weighing import EndStates
 from interpose.rotation import wrapped
 
 JOIN = 0.3
@@ -61,7 +61,7 @@ class _Line:
 
 
 def follow(
-    gallery: Gallery | None, drawn: Drawn, query: Query, asked: Asked, ends: Ends, seed: int = 0
+    gallery: Gallery | None, drawn: DrawnPath, query: Query, asked: PathRequest, ends: EndStates, seed: int = 0
 ) -> Float[ndarray, "time 3"]:
     """The path (time, 3) of x, z, yaw at 30 Hz along a drawn line, both ends exactly the query's.
 
@@ -95,7 +95,7 @@ def follow(
     return path
 
 
-def _line(drawn: Drawn, query: Query) -> _Line:
+def _line(drawn: DrawnPath, query: Query) -> _Line:
     """The drawn points tied to start and target, as a curve."""
     start, target = np.array(query.start[:2]), np.array(query.target[:2])
     points, times = drawn.points, drawn.times
@@ -123,7 +123,7 @@ def _line(drawn: Drawn, query: Query) -> _Line:
     )
 
 
-def _timed(line: _Line, times: Float[ndarray, "point"]) -> Progress:
+def _timed(line: _Line, times: Float[ndarray, "point"]) -> PathProgress:
     """Progress by the line's own times; where the last point is not at the target, on to that at the mean pace."""
     passed, length = line.passed, line.curve.length
     if not line.to_target:
@@ -146,10 +146,10 @@ def _paced(
     curve: Curve,
     facing: Float[ndarray, "sample"],
     query: Query,
-    asked: Asked,
-    ends: Ends,
+    asked: PathRequest,
+    ends: EndStates,
     seed: int,
-) -> Progress:
+) -> PathProgress:
     """Progress as the gallery has it; where it has nothing and the steps are given, at an even pace."""
     schedule = None if gallery is None else pacing.by_gallery(gallery, curve, facing, ends, asked, seed)
     if asked.steps is not None:
@@ -168,7 +168,7 @@ def _paced(
     return pacing.progress(curve, schedule, (speeds[0], speeds[1]))
 
 
-def _steps(asked: Asked, progress: Progress) -> int:
+def _steps(asked: PathRequest, progress: PathProgress) -> int:
     if asked.steps is not None:
         return asked.steps
     steps = max(1, round(progress.duration * RATE))

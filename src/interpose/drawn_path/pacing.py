@@ -23,11 +23,11 @@ from interpose.drawn_path.curve import SHORT, Curve, gaussian
 from interpose.features import RATE
 from interpose.gallery import matching, weighing
 from interpose.gallery.matching import IN_PLACE, Query
-from interpose.gallery.proposals import Asked
+from interpose.gallery.proposals import PathRequest
 from interpose.gallery.speeds import group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import SKETCH, Costs, Ends, Pool
-from interpose.gallery.windows import LONGEST, SHORTEST
+from interpose.gallery.weighing import SKETCH, Costs, EndStates, Pool
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
 
 SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
 """Metres."""
@@ -37,7 +37,7 @@ MOST_PIECES = 20
 """Pieces that are asked for; with the second try of those that find nothing, 40 queries at most."""
 LIKE_LENGTH = 0.15
 """The logarithm of a window's own length over the piece's that counts as one unit of deviation (`Costs`)."""
-ANY_FACING = replace(matching.DEFAULT, threshold=2.0 * np.pi, tolerance=0.1)
+ANY_FACING = replace(matching.MATCH_DEFAULTS, threshold=2.0 * np.pi, tolerance=0.1)
 """Where nothing fits, how a piece is walked whichever way one faces."""
 SWAY = 1.2
 """How many times as long as a piece a window may be before it counts as a longer way, for hips sway."""
@@ -55,12 +55,12 @@ STEP = 1.0 / 120.0
 """Seconds between the speeds that are smoothed."""
 SMOOTH = 0.15
 """Seconds: the standard deviation of the Gaussian over speeds."""
-FADE = 0.5
+SPEED_FADE = 0.5
 """Seconds within which the speed goes over from a known one at a key to the line's own."""
 
 
 @dataclass(frozen=True, eq=False)
-class Progress:
+class PathProgress:
     """How far along a curve one is over time. arc: metres at evenly spaced times from 0 to ``duration`` seconds."""
 
     arc: Float[ndarray, "time"]
@@ -84,7 +84,7 @@ class _Walk:
 
 
 def by_gallery(
-    gallery: Gallery, curve: Curve, facing: Float[ndarray, "sample"], ends: Ends, asked: Asked, seed: int
+    gallery: Gallery, curve: Curve, facing: Float[ndarray, "sample"], ends: EndStates, asked: PathRequest, seed: int
 ) -> Float[ndarray, "sample"] | None:
     """The schedule of a curve walked with those facings, in ``asked.style`` and at ``asked.speed``; None where the
     gallery has nothing like any piece of it. Raises InputError for a style that it lacks, or an unknown speed."""
@@ -123,11 +123,13 @@ def evenly(curve: Curve, seconds: float) -> Float[ndarray, "sample"]:
     return share * seconds
 
 
-def progress(curve: Curve, schedule: Float[ndarray, "sample"], speeds: tuple[float | None, float | None]) -> Progress:
+def progress(
+    curve: Curve, schedule: Float[ndarray, "sample"], speeds: tuple[float | None, float | None]
+) -> PathProgress:
     """A schedule made fit to be walked: slower in corners, without jumps in speed, and from and to the ``speeds`` at
     the ends, m/s along the curve, that are known. It takes longer by what the corners cost."""
     if curve.length < SHORT:
-        return Progress(curve.arc, float(schedule[-1]))
+        return PathProgress(curve.arc, float(schedule[-1]))
     cells = np.diff(curve.arc)
     squares = np.square(np.minimum(cells / np.maximum(np.diff(schedule), 1e-9), _fastest(curve)))
     slope = 2.0 * BRAKING * (curve.arc[1:] - curve.arc[1])
@@ -141,22 +143,22 @@ def progress(curve: Curve, schedule: Float[ndarray, "sample"], speeds: tuple[flo
     pace = np.diff(np.interp(even, times, curve.arc)) / step
     pace = gaussian_filter1d(pace, SMOOTH / step, mode="reflect")
     middles = (even[:-1] + even[1:]) / 2.0
-    fade = min(FADE, float(times[-1]) / 2.0)
+    fade = min(SPEED_FADE, float(times[-1]) / 2.0)
     for speed, since in zip(speeds, (middles, times[-1] - middles), strict=True):
         if speed is not None:
             at_key = pace[0 if since is middles else -1]
             pace = pace + (speed - at_key) * np.maximum(1.0 - since / fade, 0.0) ** 2
     arc = np.concatenate([[0.0], np.cumsum(np.maximum(pace, 0.0))])
-    return Progress(arc * (curve.length / arc[-1]), float(times[-1]))
+    return PathProgress(arc * (curve.length / arc[-1]), float(times[-1]))
 
 
-def by_times(curve: Curve, passed: Float[ndarray, "knot"], times: Float[ndarray, "knot"]) -> Progress:
+def by_times(curve: Curve, passed: Float[ndarray, "knot"], times: Float[ndarray, "knot"]) -> PathProgress:
     """Progress that passes the arc lengths ``passed``, never falling from 0 to the curve's length, at those ``times``,
     ascending from 0: monotone between them, its speed smoothed over a tenth of a second."""
     count = max(int(np.ceil(times[-1] / STEP)), 8)
     even = np.linspace(0.0, times[-1], count + 1)
     arc = np.maximum.accumulate(gaussian(PchipInterpolator(times, passed)(even), 0.1 / float(even[1])))
-    return Progress(np.clip(arc, 0.0, curve.length), float(times[-1]))
+    return PathProgress(np.clip(arc, 0.0, curve.length), float(times[-1]))
 
 
 def pieces(curve: Curve) -> list[int]:
@@ -176,23 +178,25 @@ def pieces(curve: Curve) -> list[int]:
 def _pool(
     gallery: Gallery,
     query: Query,
-    ends: Ends,
+    ends: EndStates,
     outer: tuple[bool, bool],
     styles: tuple[int, ...] | None,
     draw: np.random.Generator,
 ) -> Pool | None:
     """The windows for a piece whose ends are ``outer`` or not; where there are none, those for any facing, or None."""
     before, after = (velocity if there else None for velocity, there in zip(ends.velocities, outer, strict=True))
-    known = Ends(ends.postures if all(outer) else None, (before, after))
-    for settings in (matching.DEFAULT, ANY_FACING):
-        pool = weighing.gather(gallery, query, known, (SHORTEST, LONGEST), styles, draw, settings=settings)
+    known = EndStates(ends.postures if all(outer) else None, (before, after))
+    for settings in (matching.MATCH_DEFAULTS, ANY_FACING):
+        pool = weighing.gather(
+            gallery, query, known, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw, settings=settings
+        )
         if len(pool):
             return pool
     return None
 
 
 def _walk(
-    gallery: Gallery, pool: Pool, length: float, ends: Ends, outer: tuple[bool, bool], speed: str | None
+    gallery: Gallery, pool: Pool, length: float, ends: EndStates, outer: tuple[bool, bool], speed: str | None
 ) -> _Walk:
     """How a piece is walked by the windows that fit it."""
     legs = np.linalg.norm(np.diff(pool.sketch, axis=1), axis=-1)
@@ -213,7 +217,7 @@ def _weights(
     pool: Pool,
     own: Float[ndarray, "window"],
     length: float,
-    ends: Ends,
+    ends: EndStates,
     outer: tuple[bool, bool],
 ) -> Float[ndarray, "window"]:
     """How much each window counts: by its cost, its own length beside the piece's, and its posture at an outer end."""

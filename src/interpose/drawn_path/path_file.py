@@ -23,18 +23,18 @@ from numpy import ndarray
 from interpose.errors import InputError
 from interpose.io.files import read_whole
 
-LARGEST = 16 * 1024 * 1024
+LARGEST_FILE = 16 * 1024 * 1024
 """Bytes of a file at most."""
-MOST_POINTS = 10_000
-FARTHEST = 1e4
+MOST_FILE_POINTS = 10_000
+LARGEST_NUMBER = 1e4
 """The largest number that a coordinate (metres), time (seconds) or angle (degrees) may have."""
-SAME = 1e-6
+SAME_POINT = 1e-6
 """Metres: points nearer to one another are one."""
 _FIELDS = ("points", "times", "facing")
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class DrawnPath:
     """A line on the ground. points: x, z in metres. times: seconds from the start key at which each point is passed,
     ascending, or None. facing: yaw at each point in radians, unwrapped, or None to face along the line."""
 
@@ -42,24 +42,24 @@ class Drawn:
     times: Float[ndarray, "point"] | None = None
     facing: Float[ndarray, "point"] | None = None
 
-    def scaled(self, scale: float) -> Drawn:
+    def scaled(self, scale: float) -> DrawnPath:
         """The line for a rig that is ``scale`` times as large; times and facings stay."""
-        return Drawn(self.points * scale, self.times, self.facing)
+        return DrawnPath(self.points * scale, self.times, self.facing)
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnFile:
+class PathFile:
     """What a file says: one line for any gap (``whole``), or lines by their gaps' start keys (``gaps``).
 
     targets: the target keys that the file names, by start key. name: the file's, for messages.
     """
 
-    whole: Drawn | None
-    gaps: dict[int, Drawn]
+    whole: DrawnPath | None
+    gaps: dict[int, DrawnPath]
     targets: dict[int, int] = field(default_factory=dict)
     name: str = "the drawn path"
 
-    def of(self, start: int, target: int) -> Drawn | None:
+    def of(self, start: int, target: int) -> DrawnPath | None:
         """The line of the gap between two keys, None where the file has none for it.
 
         Raises InputError where the file has the gap end at another key.
@@ -91,7 +91,7 @@ class DrawnFile:
             self.of(start, target)
 
 
-def read(path: Path) -> DrawnFile:
+def read(path: Path) -> PathFile:
     """The line or lines of a JSON file.
 
     Raises InputError, naming the file and the place in it, for anything but the schema of the module's text with 1 to
@@ -101,12 +101,12 @@ def read(path: Path) -> DrawnFile:
     if not isinstance(held, dict):
         raise InputError(f'{path} is {_shown(held)}; give an object, {{"points": [[x, z], ...]}}')
     if "gaps" not in held:
-        return DrawnFile(_line(held, f"{path}: ", _FIELDS), {}, name=str(path))
+        return PathFile(_path(held, f"{path}: ", _FIELDS), {}, name=str(path))
     _known(held, f"{path}: ", ("gaps",))
     entries = held["gaps"]
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{path}: gaps is {_shown(entries)}; give a list of at least one gap")
-    gaps: dict[int, Drawn] = {}
+    gaps: dict[int, DrawnPath] = {}
     targets: dict[int, int] = {}
     for i, entry in enumerate(entries):
         place = f"{path}: gaps[{i}]"
@@ -114,7 +114,7 @@ def read(path: Path) -> DrawnFile:
             raise InputError(f'{place} is {_shown(entry)}; give an object, {{"start": 0, "points": [[x, z], ...]}}')
         if "start" not in entry:
             raise InputError(f"{place} has no start; give the key frame that the gap starts at")
-        line = _line(entry, f"{place}.", ("start", "target", *_FIELDS))
+        line = _path(entry, f"{place}.", ("start", "target", *_FIELDS))
         start = _frame(entry["start"], f"{place}.start")
         if start in gaps:
             raise InputError(f"{place}: the gap that starts at key {start} is given twice; leave one out")
@@ -123,32 +123,25 @@ def read(path: Path) -> DrawnFile:
             if targets[start] <= start:
                 raise InputError(f"{place}: target {targets[start]} does not come after start {start}; correct one")
         gaps[start] = line
-    return DrawnFile(None, gaps, targets, str(path))
+    return PathFile(None, gaps, targets, str(path))
 
 
-def of_points(points: Any) -> DrawnFile:
-    """A line for any gap from points (x, z) in metres, rows of an array or of lists. Raises InputError as `read`."""
-    held = points.tolist() if isinstance(points, ndarray) else [list(point) for point in points]
-    return DrawnFile(_line({"points": held}, "the path's ", _FIELDS), {}, name="the path")
-
-
-def of_line(
-    points: Sequence[Sequence[float]], times: Sequence[float] | None, facing: Sequence[float] | None
-) -> DrawnFile:
-    """A line for any gap from what :class:`Drawn` has, the facing in radians. Raises InputError as `read`."""
-    held: dict[str, Any] = {"points": [list(point) for point in points]}
+def of_points(points: Any, times: Sequence[float] | None = None, facing: Sequence[float] | None = None) -> PathFile:
+    """The path that any gap follows, from Python values: points (x, z) in metres, as an array (point, 2) or rows of
+    numbers; seconds from the start key; yaw in radians. Raises InputError as :func:`read`."""
+    held: dict[str, Any] = {"points": [np.asarray(point, dtype=object).tolist() for point in points]}
     if times is not None:
         held["times"] = list(times)
-    line = _line(held, "the path's ", _FIELDS)
+    path = _path(held, "the path's ", _FIELDS)
     if facing is not None:
-        listed = _one_a_point(list(facing), "the path's facing", len(points), "radians")
-        turned = np.array([_number(value, f"the path's facing[{i}]") for i, value in enumerate(listed)])
-        line = Drawn(line.points, line.times, turned)
-    return DrawnFile(line, {}, name="the path")
+        listed = _one_a_point(list(facing), "the path's facing", len(path.points), "radians")
+        yaw = np.array([_number(value, f"the path's facing[{i}]") for i, value in enumerate(listed)])
+        path = DrawnPath(path.points, path.times, yaw)
+    return PathFile(path, {}, name="the path")
 
 
 def _parsed(path: Path) -> Any:
-    data = read_whole(path, LARGEST)
+    data = read_whole(path, LARGEST_FILE)
 
     def refused(constant: str) -> NoReturn:
         raise InputError(f"{path} holds {constant}; give finite numbers")
@@ -171,23 +164,23 @@ def _parsed(path: Path) -> Any:
         raise InputError(f'{path} is not JSON ({error}); give {{"points": [[x, z], ...]}}') from None
 
 
-def _line(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> Drawn:
+def _path(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> DrawnPath:
     """One line from an object; ``place`` is what its fields' names are put behind in messages."""
     _known(held, place, fields)
     points = held.get("points")
     if not isinstance(points, list) or not points:
         said = "there are no points" if points is None else f"points is {_shown(points)}"
         raise InputError(f"{place}{said}; give a list of at least one, [[x, z], ...] in metres")
-    if len(points) > MOST_POINTS:
-        raise InputError(f"{place}points has {len(points)} points; give {MOST_POINTS} at most")
+    if len(points) > MOST_FILE_POINTS:
+        raise InputError(f"{place}points has {len(points)} points; give {MOST_FILE_POINTS} at most")
     line = np.array([_pair(point, f"{place}points[{i}]") for i, point in enumerate(points)])
     apart = np.linalg.norm(np.diff(line, axis=0), axis=-1)
-    if len(apart) and apart.min() < SAME:
+    if len(apart) and apart.min() < SAME_POINT:
         at = int(np.argmin(apart))
         raise InputError(f"{place}points[{at + 1}] repeats the point before it, {points[at + 1]}; leave one out")
     times = None if held.get("times") is None else _times(held["times"], f"{place}times", len(line))
     facing = None if held.get("facing") is None else _facing(held["facing"], f"{place}facing", len(line))
-    return Drawn(line, times, facing)
+    return DrawnPath(line, times, facing)
 
 
 def _times(held: Any, place: str, count: int) -> Float[ndarray, "point"]:
@@ -212,7 +205,7 @@ def _facing(held: Any, place: str, count: int) -> Float[ndarray, "point"] | None
         degrees = np.array([_number(value, f"{place}[{i}]") for i, value in enumerate(listed)])
         return np.unwrap(np.radians(degrees))
     ways = np.array([_pair(value, f"{place}[{i}]") for i, value in enumerate(listed)])
-    none = np.nonzero(np.linalg.norm(ways, axis=-1) < SAME)[0]
+    none = np.nonzero(np.linalg.norm(ways, axis=-1) < SAME_POINT)[0]
     if len(none):
         raise InputError(f"{place}[{none[0]}] is {listed[none[0]]}, which is no direction; give one that is not zero")
     return np.unwrap(np.arctan2(ways[:, 0], ways[:, 1]))
@@ -243,9 +236,9 @@ def _number(held: Any, place: str) -> float:
         raise InputError(f"{place} is {_shown(held)}; give a number")
     if isinstance(held, float) and not math.isfinite(held):
         raise InputError(f"{place} is not finite; give a finite number")
-    if abs(held) > FARTHEST:
+    if abs(held) > LARGEST_NUMBER:
         raise InputError(
-            f"{place} is {_shown(held)}; give a number of {FARTHEST:.0f} at most (metres, seconds, degrees)"
+            f"{place} is {_shown(held)}; give a number of {LARGEST_NUMBER:.0f} at most (metres, seconds, degrees)"
         )
     return float(held)
 

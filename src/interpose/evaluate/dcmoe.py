@@ -21,7 +21,7 @@ from interpose.evaluate.tables import Row
 from interpose.gallery.tracks import track_of
 from interpose.motion import Motion, concatenate
 from interpose.render import sheet
-from interpose.retarget import plan
+from interpose.retarget import map_skeleton
 from interpose.runtime import guidance, methods, model_folder, poses
 from interpose.runtime.guidance import Gap, Wish
 from interpose.runtime.model_folder import Session
@@ -73,7 +73,7 @@ def evaluate_dcmoe(
     subjects = _subjects(named)
     source = lafan1.read(data)
     first = source.clips[0]
-    carrier = Carrier(first.skeleton, first.rate, plan(first.skeleton))
+    carrier = Carrier(first.skeleton, first.rate, map_skeleton(first.skeleton))
     rows: list[Row] = []
     for window, group in groupby(sorted(set(lengths)), lafan1.window_length):
         windows = lafan1.cut(source.clips, window)
@@ -190,7 +190,7 @@ def _auto_ways(case: Case, carrier: Carrier, model: Session, seed: int) -> list[
 
 def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, seed: int = 0) -> list[Path]:
     """Contact sheets of :data:`SHEETS` test gaps, spread over the files, each below the truth: five gaps a sheet."""
-    rows: list[sheet.Row] = []
+    rows: list[sheet.SheetRow] = []
     for number in range(SHEETS):
         frames = SHEET_LENGTHS[number % len(SHEET_LENGTHS)]
         windows = lafan1.cut(source.clips, lafan1.window_length(frames))
@@ -200,8 +200,8 @@ def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, 
         root, local = _filled(case, carrier, model, None)
         true = Motion(one.skeleton, one.root[0], one.local[0], one.rate)[case.start : case.target + 1]
         made = concatenate(true[0], Motion(one.skeleton, root[0], local[0], one.rate), true[-1])
-        rows.append(sheet.Row(true, f"gap {number + 1}: {frames} frames", ("the truth",)))
-        rows.append(sheet.Row(made, f"gap {number + 1}", (f"made by {model.name}",)))
+        rows.append(sheet.SheetRow(true, f"gap {number + 1}: {frames} frames", ("the truth",)))
+        rows.append(sheet.SheetRow(made, f"gap {number + 1}", (f"made by {model.name}",)))
     written = []
     for page in range(0, len(rows), 10):
         written.append(out / f"gaps-{page // 10 + 1}.png")

@@ -31,10 +31,10 @@ from interpose.evaluate.tables import Row
 from interpose.features import RATE
 from interpose.gallery import matching, paths, proposals
 from interpose.gallery.paths import query_of
-from interpose.gallery.proposals import Asked, Unreachable
+from interpose.gallery.proposals import PathRequest, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
-from interpose.gallery.weighing import NOTHING_KNOWN, Ends, gather
+from interpose.gallery.weighing import NOTHING_KNOWN, EndStates, gather
 from interpose.gallery.windows import select
 from interpose.motion import Motion
 from interpose.runtime import guidance, methods, poses
@@ -70,7 +70,7 @@ class Gaps:
     local: Float[ndarray, "gap frame 22 4"]
     positions: Float[ndarray, "gap frame 22 3"]
     ways: list[Float[ndarray, "frame 3"]]
-    ends: list[Ends]
+    ends: list[EndStates]
 
     def __len__(self) -> int:
         return len(self.root)
@@ -136,7 +136,7 @@ def cut(database: Database, ranges: list[tuple[int, int]], frames: int, offset: 
     root = rotation.rotate(turn, root - root.mean(axis=1, keepdims=True) * [1.0, 0.0, 1.0])
     local[:, :, 0] = rotation.multiply(turn, local[:, :, 0])
     motions = [Motion(HUMANOID, r, q, RATE) for r, q in zip(root, local, strict=True)]
-    ends = [Ends((posture_of(motion[0])[0], posture_of(motion[-1])[0])) for motion in motions]
+    ends = [EndStates((posture_of(motion[0])[0], posture_of(motion[-1])[0])) for motion in motions]
     return Gaps(
         root, local, forward_kinematics(HUMANOID, root, local)[1], [track_of(motion) for motion in motions], ends
     )
@@ -254,7 +254,7 @@ def _diversity(gaps: Gaps, gallery: Gallery, session: Session, seed: int) -> dic
     for row in chosen.tolist():
         found: list[Way] = []
         try:
-            asked = Asked(gaps.frames + 1)
+            asked = PathRequest(gaps.frames + 1)
             made = proposals.propose(
                 gallery, query_of(gaps.ways[row]), asked, gaps.ends[row], count=VARIANTS, seed=seed
             )

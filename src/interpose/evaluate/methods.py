@@ -16,7 +16,7 @@ from numpy import ndarray
 from interpose.errors import InputError
 from interpose.evaluate.lafan1 import PAST
 from interpose.motion import Motion
-from interpose.retarget import Mapping, from_humanoid, plan, to_humanoid
+from interpose.retarget import Mapping, from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID, Skeleton
 
 Generate = Callable[[ndarray, ndarray, ndarray, ndarray, int], tuple[ndarray, ndarray]]
@@ -126,7 +126,7 @@ def from_model(
     from interpose.runtime import methods, model_folder, poses
 
     loaded = model_folder.load(model)
-    carrier = Carrier(skeleton, rate, plan(skeleton))
+    carrier = Carrier(skeleton, rate, map_skeleton(skeleton))
 
     def generate(
         context_root: Float[ndarray, "window context 3"],
@@ -176,7 +176,7 @@ def drawing(name: str, model: str, skeleton: Skeleton, rate: float, *, seed: int
     if name.endswith("+detail") and "stitch+detail" not in loaded.methods:
         raise InputError(f"the model '{loaded.name}' has no detail transformer; leave out +detail")
     loaded = loaded.serving(name)
-    carrier = Carrier(skeleton, rate, plan(skeleton))
+    carrier = Carrier(skeleton, rate, map_skeleton(skeleton))
 
     def draw(
         context_root: ndarray,

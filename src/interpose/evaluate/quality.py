@@ -61,7 +61,7 @@ def fill_quality(clip: Motion, filled: Motion, keys: Sequence[int]) -> FillQuali
     generated[: min(keys)] = generated[max(keys) + 1 :] = False
     if not generated.any():
         raise InputError("there is no generated frame between the keys")
-    mapping = retarget.plan(clip)
+    mapping = retarget.map_skeleton(clip)
     slides = [
         _foot_slide(retarget.to_humanoid(motion, mapping).global_positions(), generated, clip.rate)
         for motion in (filled, clip)

@@ -14,7 +14,7 @@ from interpose.evaluate.lafan1 import Windows
 from interpose.evaluate.methods import Drawn
 from interpose.io.files import write_whole
 from interpose.motion import Motion, concatenate
-from interpose.render.sheet import Row, compose, draw_rows, save
+from interpose.render.sheet import SheetRow, compose, draw_rows, save
 
 SHOWN = 6
 """Samples of one gap in figure 8."""
@@ -68,8 +68,8 @@ def draw_samples(windows: Windows, method: Drawn, frames: int, path: Path) -> No
         ends = [Motion(w.skeleton, w.root[one, [i]], w.local[one, [i]], w.rate) for i in (0, last)]
         return concatenate(ends[0], Motion(w.skeleton, root, local, w.rate), ends[1])
 
-    rows = [Row(whole(*(x[0] for x in made.motions[0])), "likeliest", ("the mean of the prior",))]
+    rows = [SheetRow(whole(*(x[0] for x in made.motions[0])), "likeliest", ("the mean of the prior",))]
     for number, motion in enumerate(made.motions[1:], start=1):
-        rows.append(Row(whole(*(x[0] for x in motion)), f"sample {number}"))
-    rows.append(Row(Motion(w.skeleton, w.root[one, :frames], w.local[one, :frames], w.rate), "truth"))
+        rows.append(SheetRow(whole(*(x[0] for x in motion)), f"sample {number}"))
+    rows.append(SheetRow(Motion(w.skeleton, w.root[one, :frames], w.local[one, :frames], w.rate), "truth"))
     save(path, compose(draw_rows(rows), f"{method.name}: one gap of {frames} frames", ""))

@@ -21,13 +21,13 @@ from numpy import ndarray
 from interpose.errors import InputError
 from interpose.gallery.tracks import Tracks
 from interpose.gallery.windows import (
-    LENGTHS,
-    LONGEST,
-    NONE,
-    SHORTEST,
+    LONGEST_WINDOW,
+    NO_WINDOWS,
+    SHORTEST_WINDOW,
     TURN,
-    Found,
-    Wanted,
+    WINDOW_LENGTHS,
+    FoundWindows,
+    WindowQuery,
     errors,
     features,
     first_of,
@@ -75,10 +75,10 @@ class Index:
 def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Index:
     """Sorts every window of 15 to 150 steps of every clip. Raises InputError where there is none, or too many."""
     lengths = np.diff(tracks.ranges, axis=1)[:, 0]
-    counts = np.array([int(np.maximum(n - np.arange(SHORTEST, LONGEST + 1), 0).sum()) for n in lengths])
+    counts = np.array([int(np.maximum(n - np.arange(SHORTEST_WINDOW, LONGEST_WINDOW + 1), 0).sum()) for n in lengths])
     total = int(counts.sum())
     if total == 0:
-        raise InputError(f"no clip is longer than {SHORTEST} frames at 30 Hz; a gallery needs longer ones")
+        raise InputError(f"no clip is longer than {SHORTEST_WINDOW} frames at 30 Hz; a gallery needs longer ones")
     if total >= 2**32 or len(tracks) >= 2**32:
         raise InputError(f"{total} windows are more than a gallery holds (2^32); build several of fewer clips")
     made = Index(
@@ -115,7 +115,7 @@ def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Inde
 def _keys(tracks: Tracks, clip: int) -> ndarray:
     """For every window of a clip: cell, steps and start frame in one number, most significant first."""
     begin, end = (int(x) for x in tracks.ranges[clip])
-    steps = np.arange(SHORTEST, min(LONGEST, end - begin - 1) + 1)
+    steps = np.arange(SHORTEST_WINDOW, min(LONGEST_WINDOW, end - begin - 1) + 1)
     if not len(steps):
         return np.zeros(0, np.uint64)
     each = end - begin - steps
@@ -136,20 +136,20 @@ def distance_bin(distance: Float32[ndarray, "*batch"]) -> Int[ndarray, "*batch"]
     return np.minimum(wide.astype(np.int64), BINS - 1)
 
 
-def best(index: Index, wanted: Wanted, count: int) -> Found:
+def best(index: Index, wanted: WindowQuery, count: int) -> FoundWindows:
     """The ``count`` windows of the least error (equation 8), best first; the same as those of `scan.best`."""
     limit = wanted.limit
-    found: list[Found] = []
+    found: list[FoundWindows] = []
     for floor, rows in _in_order(index, wanted, count):
         if floor > limit:
             break
         found = [first_of(join([*found, *_read(index, wanted, rows, limit)]), count)]
         if len(found[0]) == count:
             limit = int(found[0].error[-1])
-    return found[0] if found else NONE
+    return found[0] if found else NO_WINDOWS
 
 
-def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Generator) -> Found:
+def sample(index: Index, wanted: WindowQuery, count: int, generator: np.random.Generator) -> FoundWindows:
     """Windows drawn at random, each once, of all within the threshold: ``count``, or all where there are fewer, in no
     order."""
     limit = wanted.limit
@@ -158,7 +158,7 @@ def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Genera
     ]
     total = sum(len(rows) for rows, _ in reads)
     # Not all that is read fits: more is read until enough does, or all has been.
-    parts: list[Found] = []
+    parts: list[FoundWindows] = []
     seen, draws = np.zeros(0, dtype=np.int64), count
     while len(seen) < total and sum(len(part) for part in parts) < count:
         chosen = np.arange(total) if total <= 4 * draws else generator.integers(0, total, size=draws)
@@ -170,19 +170,19 @@ def sample(index: Index, wanted: Wanted, count: int, generator: np.random.Genera
 
 
 def _read_some(
-    index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], chosen: Int[ndarray, "chosen"], limit: int
-) -> Iterator[Found]:
+    index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], chosen: Int[ndarray, "chosen"], limit: int
+) -> Iterator[FoundWindows]:
     """As :func:`_read`, but of all windows of the ranges those ``chosen`` only, ascending."""
     ends = np.cumsum([len(rows) for rows, _ in reads])
     low = 0
     for (rows, mirrored), end, high in zip(reads, ends, np.searchsorted(chosen, ends), strict=True):
         picked = rows.take(chosen[low:high] - (end - len(rows)))
-        yield from _read(index, wanted, [(Rows(picked, np.ones(len(picked), np.int64)), mirrored)], limit)
+        yield from _read(index, wanted, [(WindowRanges(picked, np.ones(len(picked), np.int64)), mirrored)], limit)
         low = high
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class WindowRanges:
     """Some ranges of windows: where each begins and how many there are."""
 
     first: Int[ndarray, "range"]
@@ -204,7 +204,9 @@ class Rows:
         return self.first[in_range] + which - (ends - self.size)[in_range]
 
 
-def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple[int, list[tuple[Rows, int]]]]:
+def _in_order(
+    index: Index, wanted: WindowQuery, count: int | None
+) -> Iterator[tuple[int, list[tuple[WindowRanges, int]]]]:
     """Batches of ranges by the least error that they can hold: (that error, [(ranges, mirrored)]).
 
     ``count``: how many windows are wanted, so that the first batch is likely enough; None gives all in one batch of
@@ -219,7 +221,7 @@ def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple
     at = blocks[:, None] + np.arange(PAIRS + 1)
     begins = index.cells[at].astype(np.int64)
     sizes = np.diff(begins, axis=1)
-    share = (min(wanted.steps[1], LONGEST) - max(wanted.steps[0], SHORTEST) + 1) / LENGTHS
+    share = (min(wanted.steps[1], LONGEST_WINDOW) - max(wanted.steps[0], SHORTEST_WINDOW) + 1) / WINDOW_LENGTHS
     expected = sizes.sum(axis=0) * share
     floors = np.concatenate([_floors(wanted, mirrored) for mirrored in (0, 1)])
     order = np.argsort(floors, kind="stable")
@@ -242,7 +244,7 @@ def _in_order(index: Index, wanted: Wanted, count: int | None) -> Iterator[tuple
         done += len(some)
 
 
-def _floors(wanted: Wanted, mirrored: int) -> Int[ndarray, "pair"]:
+def _floors(wanted: WindowQuery, mirrored: int) -> Int[ndarray, "pair"]:
     """The least error that a window in each pair of sectors can have."""
     at_start, at_end = wanted.units(mirrored)
     edges = np.arange(SECTORS) * SECTOR
@@ -259,14 +261,14 @@ def _floors(wanted: Wanted, mirrored: int) -> Int[ndarray, "pair"]:
     return (first[:, None] + last[None, :]).reshape(-1)
 
 
-def _with_steps(index: Index, first: ndarray, size: ndarray, steps: tuple[int, int]) -> Rows:
+def _with_steps(index: Index, first: ndarray, size: ndarray, steps: tuple[int, int]) -> WindowRanges:
     """The parts of the ranges whose windows have those steps; within a range the steps never fall."""
-    if steps[0] <= SHORTEST and steps[1] >= LONGEST:
-        return Rows(first, size)
+    if steps[0] <= SHORTEST_WINDOW and steps[1] >= LONGEST_WINDOW:
+        return WindowRanges(first, size)
     begin = _search(index.steps, first, size, steps[0])
     end = _search(index.steps, first, size, steps[1] + 1)
     some = end > begin
-    return Rows(begin[some], (end - begin)[some])
+    return WindowRanges(begin[some], (end - begin)[some])
 
 
 def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarray:
@@ -282,7 +284,9 @@ def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarr
         high = np.where(open_ & ~less, middle, high)
 
 
-def _read(index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], limit: int) -> Iterator[Found]:
+def _read(
+    index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], limit: int
+) -> Iterator[FoundWindows]:
     """The windows of the ranges that are as wanted, with errors of at most ``limit``."""
     for ranges, mirrored in reads:
         rows = ranges.all()
@@ -292,6 +296,6 @@ def _read(index: Index, wanted: Wanted, reads: list[tuple[Rows, int]], limit: in
         fits = (error <= limit) & (distance >= wanted.distance[0]) & (distance <= wanted.distance[1])
         rows, error = rows[fits], error[fits]
         side = np.full(len(rows), mirrored, dtype=np.int64)
-        yield Found(
+        yield FoundWindows(
             index.start[rows].astype(np.int64), index.steps[rows].astype(np.int64), side, error.astype(np.int64)
         )

@@ -19,9 +19,17 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.gallery.tracks import Tracks
-from interpose.gallery.windows import LONGEST, SHORTEST, Found, Wanted, features, select, to_radians
+from interpose.gallery.windows import (
+    LONGEST_WINDOW,
+    SHORTEST_WINDOW,
+    FoundWindows,
+    WindowQuery,
+    features,
+    select,
+    to_radians,
+)
 
-Search = Callable[[Wanted, int], Found]
+Search = Callable[[WindowQuery, int], FoundWindows]
 """The windows wanted, so many at most, best first: `index.best` or `scan.best` of a gallery."""
 
 IN_PLACE = 0.1
@@ -63,7 +71,7 @@ class Query:
 
 
 @dataclass(frozen=True)
-class Settings:
+class MatchSettings:
     """How far a match may be off, and how long it is searched for.
 
     tolerance: of the way's length, relative and in metres; what is left is scaled away. threshold: error budget alpha,
@@ -79,11 +87,11 @@ class Settings:
     searches: int = 24
 
 
-DEFAULT = Settings()
+MATCH_DEFAULTS = MatchSettings()
 
 
 @dataclass(frozen=True)
-class Part:
+class Window:
     """A window of the gallery, as it lies or in the mirror."""
 
     start: int
@@ -95,7 +103,7 @@ class Part:
 class Trace:
     """One answer: atomic trajectories in order, and their error: equation 7, with the facings' mismatch at joins."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[Window, ...]
     error: float
 
     @property
@@ -104,16 +112,16 @@ class Trace:
         return sum(part.steps for part in self.parts)
 
 
-def wanted(
-    query: Query, steps: tuple[int, int], styles: tuple[int, ...] | None, settings: Settings = DEFAULT
-) -> Wanted:
+def window_query(
+    query: Query, steps: tuple[int, int], styles: tuple[int, ...] | None, settings: MatchSettings = MATCH_DEFAULTS
+) -> WindowQuery:
     """What a direct candidate for a query must have."""
     if query.in_place:
-        return Wanted((0.0, 1.5 * IN_PLACE), query.facing, "turn", steps, styles, settings.threshold)
-    return Wanted(band(query.distance, settings), query.facing, "both", steps, styles, settings.threshold)
+        return WindowQuery((0.0, 1.5 * IN_PLACE), query.facing, "turn", steps, styles, settings.threshold)
+    return WindowQuery(band(query.distance, settings), query.facing, "both", steps, styles, settings.threshold)
 
 
-def band(distance: float, settings: Settings = DEFAULT) -> tuple[float, float]:
+def band(distance: float, settings: MatchSettings = MATCH_DEFAULTS) -> tuple[float, float]:
     """The lengths that pass for ``distance``."""
     slack = max(settings.least_tolerance, settings.tolerance * distance)
     return max(0.0, distance - slack), distance + slack
@@ -123,12 +131,12 @@ def direct(
     search: Search,
     query: Query,
     count: int,
-    steps: tuple[int, int] = (SHORTEST, LONGEST),
+    steps: tuple[int, int] = (SHORTEST_WINDOW, LONGEST_WINDOW),
     styles: tuple[int, ...] | None = None,
-    settings: Settings = DEFAULT,
+    settings: MatchSettings = MATCH_DEFAULTS,
 ) -> list[Trace]:
     """The ``count`` best direct candidates (Algorithm 1, lines 9 to 15), best first; empty where there is none."""
-    return traces(search(wanted(query, steps, styles, settings), count))
+    return traces(search(window_query(query, steps, styles, settings), count))
 
 
 def compose(
@@ -137,9 +145,9 @@ def compose(
     distances: Float[ndarray, "quantile"],
     query: Query,
     generator: np.random.Generator,
-    steps: tuple[int, int] = (SHORTEST, LONGEST * 6),
+    steps: tuple[int, int] = (SHORTEST_WINDOW, LONGEST_WINDOW * 6),
     styles: tuple[int, ...] | None = None,
-    settings: Settings = DEFAULT,
+    settings: MatchSettings = MATCH_DEFAULTS,
 ) -> Trace | None:
     """Several windows, one after the other, for a query (Algorithm 1, lines 28 to 38); None where there are none.
 
@@ -161,30 +169,30 @@ class _Task:
     distances: Float[ndarray, "quantile"]
     generator: np.random.Generator
     styles: tuple[int, ...] | None
-    settings: Settings
+    settings: MatchSettings
     searches: int = 0
 
     def solve(
         self, distance: float, facing: tuple[float, float], steps: tuple[int, int], budget: float, rounds: int
     ) -> Trace | None:
         """TCS(M, q, alpha, k) for what is left of the query."""
-        lengths = max(steps[0], SHORTEST), min(steps[1], LONGEST)
-        asked = Wanted(band(distance, self.settings), facing, "both", lengths, self.styles, budget)
+        lengths = max(steps[0], SHORTEST_WINDOW), min(steps[1], LONGEST_WINDOW)
+        asked = WindowQuery(band(distance, self.settings), facing, "both", lengths, self.styles, budget)
         if self.searches >= self.settings.searches:
             return None
         if rounds < self.settings.rounds:  # the whole query has been asked directly before
             found = self._ask(asked, 8 * self.settings.branches)
             if len(found):
                 return traces(found)[int(self.generator.integers(len(found)))]
-        if rounds == 0 or steps[1] < 2 * SHORTEST or self.searches >= self.settings.searches:
+        if rounds == 0 or steps[1] < 2 * SHORTEST_WINDOW or self.searches >= self.settings.searches:
             return None
         share = self._share(distance, steps, rounds)
         if share is None:
             return None
         # A first part of about that share of the steps that may be left, so that the pace stays even.
         paced = (
-            max(SHORTEST, int(0.7 * share * steps[0])),
-            min(LONGEST, int(np.ceil(1.3 * share * steps[1])), steps[1] - SHORTEST),
+            max(SHORTEST_WINDOW, int(0.7 * share * steps[0])),
+            min(LONGEST_WINDOW, int(np.ceil(1.3 * share * steps[1])), steps[1] - SHORTEST_WINDOW),
         )
         first = replace(asked, distance=band(share * distance, self.settings), criterion="start", steps=paced)
         found = self._ask(first, 16 * self.settings.branches)
@@ -205,14 +213,14 @@ class _Task:
                 return None
         return None
 
-    def _ask(self, asked: Wanted, count: int) -> Found:
+    def _ask(self, asked: WindowQuery, count: int) -> FoundWindows:
         self.searches += 1
         return self.search(asked, count)
 
     def _share(self, distance: float, steps: tuple[int, int], rounds: int) -> float | None:
         """The first part's share of the way, drawn from the gallery's lengths; None where no draw can lead there."""
         least = max(LEAST, distance - rounds * self.distances[-1]) / distance
-        least = max(least, 1.0 - rounds * LONGEST / max(steps[0], 1)) if steps[0] > LONGEST else least
+        least = max(least, 1.0 - rounds * LONGEST_WINDOW / max(steps[0], 1)) if steps[0] > LONGEST_WINDOW else least
         most = min(1.0 - LEAST / distance, self.distances[-1] / distance)
         if least > most:
             return None
@@ -222,7 +230,7 @@ class _Task:
         return float(np.clip(self.distances[self.generator.integers(low, high)] / distance, least, most))
 
 
-def traces(found: Found) -> list[Trace]:
+def traces(found: FoundWindows) -> list[Trace]:
     """Each window as a trace of its own."""
     rows = zip(found.start.tolist(), found.steps.tolist(), found.mirrored.tolist(), found.error.tolist(), strict=True)
-    return [Trace((Part(start, steps, bool(side)),), float(to_radians(error))) for start, steps, side, error in rows]
+    return [Trace((Window(start, steps, bool(side)),), float(to_radians(error))) for start, steps, side, error in rows]

@@ -23,7 +23,7 @@ from interpose.gallery.matching import Query, Trace
 from interpose.gallery.tracks import Tracks
 from interpose.rotation import wrapped
 
-FADE = 15
+FADE_STEPS = 15
 """Frames from a join, or from an end of a known velocity, over which corrections die away."""
 
 
@@ -79,7 +79,7 @@ def join(a: Float[ndarray, "before 3"], b: Float[ndarray, "after 3"]) -> Float[n
     """One path after another: ``a``'s last frame is ``b``'s first. Their other ends stay as they are, but that ``b`` is
     turned by whole turns."""
     b = b + np.array([0.0, 0.0, -2.0 * np.pi * np.round((b[0, 2] - a[-1, 2]) / (2.0 * np.pi))])
-    fade_a, fade_b = min(FADE, len(a) - 1), min(FADE, len(b) - 1)
+    fade_a, fade_b = min(FADE_STEPS, len(a) - 1), min(FADE_STEPS, len(b) - 1)
     before, after = np.arange(len(a))[::-1], np.arange(len(b))
     apart = (b[0] - a[-1]) / 2.0
     a = a + ease(1.0 - before / fade_a)[:, None] * apart
@@ -111,7 +111,7 @@ def meet(
     track: Float[ndarray, "time 3"], velocities: tuple[Float[ndarray, "2"] | None, Float[ndarray, "2"] | None]
 ) -> Float[ndarray, "time 3"]:
     """A path bent at its ends into the velocities (x, z), m/s, that are known there; its ends stay where they are."""
-    fade = min(FADE, (len(track) - 1) // 2)
+    fade = min(FADE_STEPS, (len(track) - 1) // 2)
     if fade < 3:
         return track
     kick, made = _kick(np.arange(len(track)), fade), track.copy()

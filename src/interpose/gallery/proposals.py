@@ -22,8 +22,8 @@ from interpose.gallery import matching, paths
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.speeds import Suggestion, check_speed, group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import NOTHING_KNOWN, SAMPLE, SKETCH, Costs, Ends, Pool, gather, wandering
-from interpose.gallery.windows import LONGEST, SHORTEST, Found, select
+from interpose.gallery.weighing import NOTHING_KNOWN, SAMPLE, SKETCH, Costs, EndStates, Pool, gather, wandering
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW, FoundWindows, select
 
 NEAR = 512
 """Of these, the cheapest are what variants are chosen from."""
@@ -64,7 +64,7 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Asked:
+class PathRequest:
     """What is asked of the paths. Raises InputError for demands that contradict one another.
 
     steps: frames from start to target at 30 Hz; None lets the gallery suggest. speed: fast, medium or slow, in place of
@@ -87,8 +87,8 @@ class Unreachable(InputError):
 def propose(
     gallery: Gallery,
     query: Query,
-    asked: Asked,
-    ends: Ends = NOTHING_KNOWN,
+    asked: PathRequest,
+    ends: EndStates = NOTHING_KNOWN,
     *,
     count: int = 1,
     seed: int = 0,
@@ -111,7 +111,7 @@ def propose(
         if len(made) < count:
             made += _composed(gallery, query, ends, asked.steps, styles, count - len(made), draw, before=made)
         return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw, hint)
-    pool = gather(gallery, query, ends, (SHORTEST, LONGEST), styles, draw)
+    pool = gather(gallery, query, ends, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw)
     if not len(pool):
         made = _composed(gallery, query, ends, None, styles, count, draw, speed=asked.speed)
         return made or _unreachable(gallery, query, None, styles)
@@ -130,13 +130,13 @@ def propose(
 
 
 def suggestion(
-    gallery: Gallery, query: Query, ends: Ends = NOTHING_KNOWN, style: str | None = None, seed: int = 0
+    gallery: Gallery, query: Query, ends: EndStates = NOTHING_KNOWN, style: str | None = None, seed: int = 0
 ) -> Suggestion:
     """How many steps the way would take, and what fast, medium and slow would mean. Raises as :func:`propose`."""
-    _check(query, Asked(style=style))
+    _check(query, PathRequest(style=style))
     draw = np.random.default_rng(seed)
     styles = gallery.style_indices(style)
-    pool = gather(gallery, query, ends, (SHORTEST, LONGEST), styles, draw)
+    pool = gather(gallery, query, ends, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw)
     if len(pool):
         return suggest(pool.found.steps, pool.weights)
     made = _composed(gallery, query, ends, None, styles, 3, draw) or _unreachable(gallery, query, None, styles)
@@ -146,7 +146,7 @@ def suggestion(
 def _from_pool(
     gallery: Gallery,
     query: Query,
-    ends: Ends,
+    ends: EndStates,
     pool: Pool,
     count: int,
     steps: list[int | None],
@@ -188,7 +188,7 @@ def _likeliest(query: Query, pool: Pool, cheap: Pool, hint: Float[ndarray, "time
     return int(np.argmin(np.log(away + 0.02) + HINTED * cheap.cost))
 
 
-def _overlap(found: Found, traces: list[Trace]) -> Bool[ndarray, "window"]:
+def _overlap(found: FoundWindows, traces: list[Trace]) -> Bool[ndarray, "window"]:
     """Which windows are mostly the same moments as one chosen before, as they lie or in the mirror."""
     same = np.zeros(len(found), dtype=bool)
     for part in (part for trace in traces for part in trace.parts):
@@ -219,7 +219,9 @@ def _near_copy(query: Query) -> float:
     return 0.04 + 0.015 * query.distance
 
 
-def _proposal(gallery: Gallery, query: Query, ends: Ends, trace: Trace, steps: int | None, cost: float) -> Proposal:
+def _proposal(
+    gallery: Gallery, query: Query, ends: EndStates, trace: Trace, steps: int | None, cost: float
+) -> Proposal:
     path = paths.place(gallery.tracks, trace, query)
     style = gallery.tracks.style_of(trace.parts[0].start)
     timed = path if steps is None else paths.retime(path, steps)
@@ -229,7 +231,7 @@ def _proposal(gallery: Gallery, query: Query, ends: Ends, trace: Trace, steps: i
 def _composed(
     gallery: Gallery,
     query: Query,
-    ends: Ends,
+    ends: EndStates,
     steps: int | None,
     styles: tuple[int, ...] | None,
     count: int,
@@ -240,8 +242,8 @@ def _composed(
 ) -> list[Proposal]:
     """Paths of several windows that differ from one another and from those chosen ``before``; few or none where few or
     none are found."""
-    allowed = (2 * SHORTEST, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
-    if allowed[1] < 2 * SHORTEST:
+    allowed = (2 * SHORTEST_WINDOW, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
+    if allowed[1] < 2 * SHORTEST_WINDOW:
         return []
     found: list[Proposal] = []
     failed = 0
@@ -271,7 +273,7 @@ def _composed(
 def _stretched(
     gallery: Gallery,
     query: Query,
-    ends: Ends,
+    ends: EndStates,
     steps: int,
     styles: tuple[int, ...] | None,
     count: int,
@@ -293,18 +295,19 @@ def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tupl
     """Raises :class:`Unreachable` with the nearest that can be served."""
     way = f"{query.distance:.2f} m"
     if steps is None:
-        reach = min(gallery.distances[-1] * (matching.DEFAULT.rounds + 1), matching.FARTHEST)
+        most = matching.MATCH_DEFAULTS.rounds + 1
+        reach = min(gallery.distances[-1] * most, matching.FARTHEST)
         if query.distance < reach:
             raise Unreachable(
-                f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
+                f"no trajectory of the gallery, nor {most} in a row, leads {way} from start to "
                 f"target with these facings; turn one of the keys, or set a key in between"
             )
         raise Unreachable(
-            f"no trajectory of the gallery, nor {matching.DEFAULT.rounds + 1} in a row, leads {way} from start to "
+            f"no trajectory of the gallery, nor {most} in a row, leads {way} from start to "
             f"target; the farthest within reach is about {reach:.0f} m; set a key in between"
         )
     draw = np.random.default_rng(0)
-    asked = matching.wanted(query, (SHORTEST, LONGEST), styles)
+    asked = matching.window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), styles)
     lengths = indexing.sample(gallery.index, asked, SAMPLE, draw).steps
     if not len(lengths):
         lengths = np.array([one.steps for one in _composed(gallery, query, NOTHING_KNOWN, None, styles, 3, draw)])
@@ -317,7 +320,7 @@ def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tupl
     )
 
 
-def _check(query: Query, asked: Asked) -> None:
+def _check(query: Query, asked: PathRequest) -> None:
     if not np.isfinite([*query.start, *query.target]).all():
         raise InputError("start or target is not a finite place on the ground; give poses without NaN")
     if asked.steps is not None and not 1 <= asked.steps <= LONGEST_GAP:

@@ -9,10 +9,10 @@ import numpy as np
 
 from interpose.gallery.tracks import Tracks
 from interpose.gallery.windows import (
-    LONGEST,
-    SHORTEST,
-    Found,
-    Wanted,
+    LONGEST_WINDOW,
+    SHORTEST_WINDOW,
+    FoundWindows,
+    WindowQuery,
     errors,
     features,
     first_of,
@@ -20,11 +20,11 @@ from interpose.gallery.windows import (
 )
 
 
-def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
+def best(tracks: Tracks, wanted: WindowQuery, count: int) -> FoundWindows:
     """The ``count`` windows of the least error (equation 8), by looking at all of them."""
     able = [c for c in range(len(tracks.ranges)) if wanted.styles is None or tracks.clip_styles[c] in wanted.styles]
-    parts: list[Found] = []
-    for steps in range(max(wanted.steps[0], SHORTEST), min(wanted.steps[1], LONGEST) + 1):
+    parts: list[FoundWindows] = []
+    for steps in range(max(wanted.steps[0], SHORTEST_WINDOW), min(wanted.steps[1], LONGEST_WINDOW) + 1):
         ranges = tracks.ranges[able]
         starts = [np.arange(a, b - steps) for a, b in ranges if b - a > steps]
         if not starts:
@@ -38,6 +38,8 @@ def best(tracks: Tracks, wanted: Wanted, count: int) -> Found:
                 (distance >= wanted.distance[0]) & (distance <= wanted.distance[1]) & (error <= wanted.limit)
             )[0]
             same = np.full(len(rows), 1, dtype=np.int64)
-            found = Found(start[rows].astype(np.int64), same * steps, same * mirrored, error[rows].astype(np.int64))
+            found = FoundWindows(
+                start[rows].astype(np.int64), same * steps, same * mirrored, error[rows].astype(np.int64)
+            )
             parts.append(first_of(found, count))
     return first_of(join(parts), count)

@@ -24,7 +24,7 @@ _POINTS = 512
 
 
 @dataclass(frozen=True)
-class Group:
+class SpeedGroup:
     """Durations of one speed: their weighted median, the fewest and the most, in steps of 1/30 s; fit: the share of the
     weight that they have."""
 
@@ -41,7 +41,7 @@ class Suggestion:
     different durations."""
 
     steps: int
-    groups: tuple[Group, ...]
+    groups: tuple[SpeedGroup, ...]
 
 
 def suggest(steps: Int[ndarray, "candidate"], weights: Float[ndarray, "candidate"]) -> Suggestion:
@@ -55,7 +55,9 @@ def suggest(steps: Int[ndarray, "candidate"], weights: Float[ndarray, "candidate
     used = np.unique(label)
     for name, each in zip(_NAMES[len(used)], used, strict=True):
         mine = points[label == each]
-        groups.append(Group(name, int(mine[(len(mine) - 1) // 2]), int(mine[0]), int(mine[-1]), len(mine) / _POINTS))
+        groups.append(
+            SpeedGroup(name, int(mine[(len(mine) - 1) // 2]), int(mine[0]), int(mine[-1]), len(mine) / _POINTS)
+        )
     return Suggestion(int(points[(_POINTS - 1) // 2]), tuple(groups))
 
 
@@ -77,7 +79,7 @@ def check_speed(speed: str) -> None:
         raise InputError(f"unknown speed '{speed}'; there are {', '.join(SPEEDS)}")
 
 
-def group_of(suggestion: Suggestion, speed: str) -> Group:
+def group_of(suggestion: Suggestion, speed: str) -> SpeedGroup:
     """The group of a speed; where there are fewer groups, the fastest or the slowest there is.
 
     Raises InputError for another word.

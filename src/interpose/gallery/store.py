@@ -85,7 +85,7 @@ class Gallery:
         return float(np.quantile(pace, 0.999))
 
     def style_indices(self, style: str | None) -> tuple[int, ...] | None:
-        """What :class:`~interpose.gallery.windows.Wanted` takes for a style; None leaves it free.
+        """What :class:`~interpose.gallery.windows.WindowQuery` takes for a style; None leaves it free.
 
         Raises InputError for a style that no trajectory here was walked in.
         """

@@ -17,10 +17,18 @@ from interpose.data.root import turned
 from interpose.features import RATE
 from interpose.gallery import index as indexing
 from interpose.gallery import matching
-from interpose.gallery.matching import Query, Settings
+from interpose.gallery.matching import MatchSettings, Query
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import Tracks, mirror_posture, posture_distance
-from interpose.gallery.windows import LONGEST, NONE, SHORTEST, Found, join, select, to_radians
+from interpose.gallery.windows import (
+    LONGEST_WINDOW,
+    NO_WINDOWS,
+    SHORTEST_WINDOW,
+    FoundWindows,
+    join,
+    select,
+    to_radians,
+)
 from interpose.rotation import wrapped
 
 SAMPLE = 2048
@@ -53,14 +61,14 @@ class Costs:
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class EndStates:
     """What is known at start and target beside the places: posture (16,) and velocity on the ground (x, z), m/s."""
 
     postures: tuple[Float[ndarray, "16"], Float[ndarray, "16"]] | None = None
     velocities: tuple[Float[ndarray, "2"] | None, Float[ndarray, "2"] | None] = (None, None)
 
 
-NOTHING_KNOWN = Ends()
+NOTHING_KNOWN = EndStates()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +78,7 @@ class Pool:
     misfit: half the sum of the squared deviations. cost: the same, and how unlikely the length of time is beforehand.
     """
 
-    found: Found
+    found: FoundWindows
     misfit: Float[ndarray, "window"]
     cost: Float[ndarray, "window"]
     sketch: Float[ndarray, "window time 2"]
@@ -91,26 +99,28 @@ class Pool:
 def gather(
     gallery: Gallery,
     query: Query,
-    ends: Ends,
+    ends: EndStates,
     steps: tuple[int, int],
     styles: tuple[int, ...] | None,
     draw: np.random.Generator,
     *,
     target_steps: int | None = None,
-    settings: Settings = matching.DEFAULT,
+    settings: MatchSettings = matching.MATCH_DEFAULTS,
     costs: Costs = Costs(),
 ) -> Pool:
     """A random sample of the windows that fit a query, the best by equation 7 among them, each with its cost."""
-    if steps[1] < SHORTEST or steps[0] > LONGEST:
-        return weigh(gallery, query, ends, NONE, target_steps, costs)
-    asked = matching.wanted(query, steps, styles, settings)
+    if steps[1] < SHORTEST_WINDOW or steps[0] > LONGEST_WINDOW:
+        return weigh(gallery, query, ends, NO_WINDOWS, target_steps, costs)
+    asked = matching.window_query(query, steps, styles, settings)
     index = gallery.index
     drawn = indexing.sample(index, asked, SAMPLE, draw)
     found = _unique(join([indexing.best(index, asked, EXACT), drawn]))
     return weigh(gallery, query, ends, found, target_steps, costs)
 
 
-def weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_steps: int | None, costs: Costs) -> Pool:
+def weigh(
+    gallery: Gallery, query: Query, ends: EndStates, found: FoundWindows, target_steps: int | None, costs: Costs
+) -> Pool:
     tracks, side = gallery.tracks, found.mirrored.astype(bool)
     at = found.start[:, None] + np.round(found.steps[:, None] * SKETCH).astype(np.int64)
     sketch = tracks.root[at].astype(float) * np.where(side[:, None, None], [-1.0, 1.0, -1.0], 1.0)
@@ -134,7 +144,7 @@ def weigh(gallery: Gallery, query: Query, ends: Ends, found: Found, target_steps
 
 
 def unlike(
-    tracks: Tracks, found: Found, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"], costs: Costs
+    tracks: Tracks, found: FoundWindows, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"], costs: Costs
 ) -> Float[ndarray, "window"]:
     """Twice the cost of how each window's posture at its ``frame`` differs from that of a key."""
     theirs = tracks.posture[frame].astype(float)
@@ -162,7 +172,7 @@ def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[nda
     return query.heading - np.arctan2(way[:, 0], way[:, 1]), query.distance / length
 
 
-def _unique(found: Found) -> Found:
+def _unique(found: FoundWindows) -> FoundWindows:
     key = (found.start * 1024 + found.steps) * 2 + found.mirrored
     _, rows = np.unique(key, return_index=True)
     return select(found, rows)

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, Int32, UInt16
 from numpy import ndarray
 
-SHORTEST, LONGEST = 15, 150
+SHORTEST_WINDOW, LONGEST_WINDOW = 15, 150
 """Steps of a window."""
-LENGTHS = LONGEST - SHORTEST + 1
+WINDOW_LENGTHS = LONGEST_WINDOW - SHORTEST_WINDOW + 1
 TURN = 65536
 """Units of angle in a whole turn."""
 
@@ -26,7 +26,7 @@ turns from start to end, for where start and end are one place and v_p has no di
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WindowQuery:
     """What a window must have. Facings are radians relative to v_p, counted as yaw is.
 
     distance: lowest and highest length of v_p, metres. steps: fewest and most. styles: indices, or None for all.
@@ -36,7 +36,7 @@ class Wanted:
     distance: tuple[float, float]
     facing: tuple[float, float]
     criterion: Criterion = "both"
-    steps: tuple[int, int] = (SHORTEST, LONGEST)
+    steps: tuple[int, int] = (SHORTEST_WINDOW, LONGEST_WINDOW)
     styles: tuple[int, ...] | None = None
     threshold: float = 2.0 * np.pi
 
@@ -52,7 +52,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundWindows:
     """Windows, best first: by error, then unmirrored before mirrored, then by start frame, then by steps."""
 
     start: Int[ndarray, "window"]
@@ -64,7 +64,7 @@ class Found:
         return len(self.start)
 
 
-NONE = Found(*(np.zeros(0, dtype=np.int64) for _ in range(4)))
+NO_WINDOWS = FoundWindows(*(np.zeros(0, dtype=np.int64) for _ in range(4)))
 
 
 def to_units(angle: float) -> int:
@@ -107,7 +107,7 @@ def apart(angle: UInt16[ndarray, "*batch"], wanted: int) -> Int32[ndarray, "*bat
     return np.abs((angle - np.uint16(wanted)).view(np.int16).astype(np.int32))
 
 
-def first_of(found: Found, count: int) -> Found:
+def first_of(found: FoundWindows, count: int) -> FoundWindows:
     """The ``count`` best, in order."""
     if len(found) > count:
         worst = np.partition(found.error, count - 1)[count - 1]
@@ -116,16 +116,16 @@ def first_of(found: Found, count: int) -> Found:
     return select(found, order)
 
 
-def select(found: Found, rows: ndarray) -> Found:
+def select(found: FoundWindows, rows: ndarray) -> FoundWindows:
     """Some of the windows, by index or mask."""
-    return Found(found.start[rows], found.steps[rows], found.mirrored[rows], found.error[rows])
+    return FoundWindows(found.start[rows], found.steps[rows], found.mirrored[rows], found.error[rows])
 
 
-def join(parts: list[Found]) -> Found:
+def join(parts: list[FoundWindows]) -> FoundWindows:
     """All windows of several findings, unordered."""
     if not parts:
-        return NONE
-    return Found(
+        return NO_WINDOWS
+    return FoundWindows(
         np.concatenate([part.start for part in parts]),
         np.concatenate([part.steps for part in parts]),
         np.concatenate([part.mirrored for part in parts]),

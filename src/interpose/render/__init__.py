@@ -2,7 +2,7 @@
 
 from interpose.render.inspect import curves as curves
 from interpose.render.inspect import filmstrip as filmstrip
-from interpose.render.sheet import Row as Row
+from interpose.render.sheet import SheetRow as SheetRow
 from interpose.render.sheet import compose as compose
 from interpose.render.sheet import contact_sheet as contact_sheet
 from interpose.render.sheet import draw_rows as draw_rows

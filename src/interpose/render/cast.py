@@ -13,7 +13,7 @@ from interpose.errors import InputError
 from interpose.mannequin import SOLE, Figure, figure
 from interpose.motion import Motion
 from interpose.render.drawing import Actor, Colour
-from interpose.retarget.mapping import plan
+from interpose.retarget.mapping import map_skeleton
 from interpose.retarget.transfer import to_humanoid
 from interpose.skeleton import HUMANOID
 
@@ -65,7 +65,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
     facing = down = feet = None
     hips = 0
     try:
-        found = plan(motion)
+        found = map_skeleton(motion)
         human = to_humanoid(motion, found).global_positions()
     except InputError:
         pass

@@ -33,7 +33,7 @@ PALE: tuple[Colour, Colour, Colour] = ((166, 200, 212), (234, 222, 198), (242, 1
 
 
 @dataclass(frozen=True)
-class Row:
+class SheetRow:
     """One transition: its frames with the keys in them, a title, and short lines of text below it.
 
     keys: which frames are keys (negative from the end); the first of them is the start, the last the target.
@@ -47,7 +47,7 @@ class Row:
 
 def contact_sheet(
     path: str | PathLike[str],
-    rows: Sequence[Row],
+    rows: Sequence[SheetRow],
     heading: str = "",
     subheading: str = "",
     poses: int = 11,
@@ -60,7 +60,7 @@ def contact_sheet(
     save(path, compose(draw_rows(rows, poses, width), heading, subheading))
 
 
-def draw_rows(rows: Sequence[Row], poses: int = 11, width: int = 1800) -> list[Image.Image]:
+def draw_rows(rows: Sequence[SheetRow], poses: int = 11, width: int = 1800) -> list[Image.Image]:
     """A picture of each row, all figures at one scale; raises as :func:`contact_sheet` does."""
     if not rows:
         raise InputError("a contact sheet needs at least one motion")
@@ -114,7 +114,7 @@ def scene(
     save(path, picture(camera, actors, size, played.floor, grid=1.0 if scale < 250 else 0.5))
 
 
-def _row(sheet: Image.Image, row: Row, played: Cast, scale: float, poses: int) -> None:
+def _row(sheet: Image.Image, row: SheetRow, played: Cast, scale: float, poses: int) -> None:
     marks = _keys(row.keys, len(row.motion))
     strip = sheet.width - SIDE
     _, wide = _extent(played)

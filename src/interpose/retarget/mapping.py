@@ -27,7 +27,7 @@ MOST_SPARE = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Mapping:
-    """How `skeleton` stands for the humanoid; made by :func:`plan`.
+    """How `skeleton` stands for the humanoid; made by :func:`map_skeleton`.
 
     profile: the family of rigs that was recognised, or how the joints were found.
     joints: for each of the 22 joints the source joint, or None.
@@ -85,7 +85,7 @@ class Mapping:
         return float(sum(lengths[j] for j in range(1, len(parents)) if j not in kept | ends) / lengths[1:].sum())
 
 
-def plan(source: Skeleton | Motion) -> Mapping:
+def map_skeleton(source: Skeleton | Motion) -> Mapping:
     """Find the humanoid in a skeleton; a motion's frames are looked at only where its rest pose says nothing.
 
     Raises InputError where there are no hips or no whole legs, naming them, and where joints that no known family of

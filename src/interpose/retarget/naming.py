@@ -29,7 +29,7 @@ _SIDED_WORDS = {word for role, words in _SYNONYMS.items() if role not in ("Hips"
 
 
 @dataclass(frozen=True)
-class Found:
+class NamedJoints:
     """The humanoid in a skeleton.
 
     joints: for each of the 22 the source joint or None. torso: joints without a counterpart between mapped ones of the
@@ -42,7 +42,7 @@ class Found:
     torso: tuple[int, ...]
 
 
-def find(skeleton: Skeleton, motion: Motion | None = None) -> Found:
+def find(skeleton: Skeleton, motion: Motion | None = None) -> NamedJoints:
     """The best profile's joints; else those of similar names; else those that the hierarchy suggests.
 
     Raises InputError naming the hips or leg joints that cannot be found.
@@ -131,7 +131,7 @@ def _ancestors(skeleton: Skeleton, joint: int) -> list[int]:
     return out
 
 
-def _complete(skeleton: Skeleton, name: str, known: Profile | None, limbs: dict[str, int]) -> Found:
+def _complete(skeleton: Skeleton, name: str, known: Profile | None, limbs: dict[str, int]) -> NamedJoints:
     """Add spine and neck, which lie between the hips and the arms or the head.
 
     Of the spine's joints the last is Spine2, the first of two or more Spine, and the middle one of three or more Spine1
@@ -158,4 +158,4 @@ def _complete(skeleton: Skeleton, name: str, known: Profile | None, limbs: dict[
     if neck:
         limbs["Neck"] = neck[0]
     torso = tuple(joint for joint in (*spine, *neck) if joint not in limbs.values())
-    return Found(name, known, tuple(limbs.get(ours) for ours in HUMANOID.names), torso)
+    return NamedJoints(name, known, tuple(limbs.get(ours) for ours in HUMANOID.names), torso)

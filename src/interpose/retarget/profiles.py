@@ -15,7 +15,7 @@ ARMS = ("Shoulder", "Arm", "ForeArm", "Hand")
 
 
 @dataclass(frozen=True)
-class Frames:
+class JointFrames:
     """How joint frames lie in a T-pose, for rigs whose rest pose (all rotations zero) is not a human pose.
 
     Each string names the joint's own axes that point to the character's left, up and forward, as in "+z +x +y".
@@ -49,7 +49,7 @@ class Profile:
     arms: str
     sides: tuple[str, str] = ("Left", "Right")
     ankle_height: float | None = None
-    frames: Frames | None = None
+    frames: JointFrames | None = None
     mark: str = ""
 
     def joints(self) -> dict[str, str]:
@@ -61,7 +61,7 @@ class Profile:
         return named
 
 
-_LAFAN1 = Frames(
+_LAFAN1 = JointFrames(
     hips="+z +x +y",
     torso="+z +x +y",
     left_leg="-z -x +y",
@@ -71,7 +71,7 @@ _LAFAN1 = Frames(
     foot_pitch=None,
     toe_bend=0.37446,  # 21.455 degrees in every frame: LaFAN1's toes are not captured
 )
-_BANDAI = Frames(
+_BANDAI = JointFrames(
     hips="-y +x +z",
     torso="+z +x +y",
     left_leg="+y -x +z",

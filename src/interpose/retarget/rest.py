@@ -18,9 +18,9 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.retarget.naming import Found
+from interpose.retarget.naming import NamedJoints
 from interpose.retarget.observe import joint_frames, planted, square
-from interpose.retarget.profiles import Frames
+from interpose.retarget.profiles import JointFrames
 from interpose.skeleton import HUMANOID, Skeleton
 
 _DOWN = np.array([0.0, -1.0, 0.0])
@@ -42,7 +42,7 @@ class Stance:
     hip_centre: Float[ndarray, "3"]
 
 
-def stance(skeleton: Skeleton, found: Found, motion: Motion | None) -> Stance:
+def stance(skeleton: Skeleton, found: NamedJoints, motion: Motion | None) -> Stance:
     """The T-pose of the joints found.
 
     Raises InputError where neither the rest pose nor the profile nor a motion tells how the joints lie.
@@ -102,14 +102,14 @@ def _rest_positions(skeleton: Skeleton) -> Float[ndarray, "joint 3"]:
 
 
 def _axes(spelled: str) -> Float[ndarray, "4"]:
-    """The rotation that brings a joint's axes, named as in `Frames`, to the T-pose's left, up and forward."""
+    """The rotation that brings a joint's axes, named as in `JointFrames`, to the T-pose's left, up and forward."""
     rows = np.zeros((3, 3))
     for row, word in enumerate(spelled.split()):
         rows[row, "xyz".index(word[1])] = 1.0 if word[0] == "+" else -1.0
     return rotation.from_matrix(rows)
 
 
-def _group(name: str, frames: Frames) -> str:
+def _group(name: str, frames: JointFrames) -> str:
     if name == "Hips":
         return frames.hips
     leg = name.endswith(("UpLeg", "Leg", "Foot", "Toe"))
@@ -146,7 +146,7 @@ def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | Non
 
 
 def _align_legs(
-    turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]], frames: Frames | None, pitch: float
+    turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]], frames: JointFrames | None, pitch: float
 ) -> float:
     """Bring thighs and shins straight down and the soles flat; returns the pitch of a flat foot.
 

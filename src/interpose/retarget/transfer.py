@@ -182,4 +182,4 @@ def _fill(turned: list[Float[ndarray, "frame 4"] | None]) -> Float[ndarray, "fra
 
 def _check(motion: Motion, mapping: Mapping) -> None:
     if motion.skeleton.names != mapping.skeleton.names or motion.skeleton.parents != mapping.skeleton.parents:
-        raise InputError("the motion is not of the skeleton that the mapping was planned for; plan it again")
+        raise InputError("the motion has another skeleton than the mapping; map its own skeleton")

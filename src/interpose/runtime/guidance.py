@@ -18,17 +18,17 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.drawn_path import following
-from interpose.drawn_path.path_file import Drawn
+from interpose.drawn_path.path_file import DrawnPath
 from interpose.errors import InputError
 from interpose.features import RATE
 from interpose.gallery import paths, proposals
 from interpose.gallery.matching import Query
-from interpose.gallery.proposals import Asked, Proposal, Unreachable
+from interpose.gallery.proposals import PathRequest, Proposal, Unreachable
 from interpose.gallery.speeds import Suggestion, group_of
 from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
-from interpose.gallery.weighing import Ends
-from interpose.gallery.windows import SHORTEST
+from interpose.gallery.weighing import EndStates
+from interpose.gallery.windows import SHORTEST_WINDOW
 from interpose.motion import Motion
 from interpose.runtime import methods, style_blend
 from interpose.runtime.backends import dcmoe
@@ -69,12 +69,12 @@ class Gap:
         return Query((a, b, c), (d, e, f))
 
     @property
-    def ends(self) -> Ends:
+    def ends(self) -> EndStates:
         """The keys' postures, and the root's velocities where the motion around the gap is known."""
         pair = posture_of(self.context[-1])[0], posture_of(self.target[0])[0]
         before = _velocity(self.context[-2:]) if len(self.context) > 1 else None
         after = _velocity(self.target[:2]) if len(self.target) > 1 else None
-        return Ends(pair, (before, after))
+        return EndStates(pair, (before, after))
 
 
 def _velocity(two: Motion) -> Float[ndarray, "2"]:
@@ -90,7 +90,7 @@ class Wish:
 
     steps: int | None
     path: str = "auto"
-    line: Drawn | None = None
+    line: DrawnPath | None = None
     style: str | None = None
     speed: str | None = None
     seed: int = 0
@@ -157,9 +157,9 @@ def _matched(
     if style is not None and style not in gallery.styles:
         note = f"the gallery has no trajectory in style '{style}'; those of all its styles were matched"
         style = None
-    if wish.steps is not None and wish.steps < SHORTEST:
+    if wish.steps is not None and wish.steps < SHORTEST_WINDOW:
         return [], _too_fast(gallery, query, wish.steps)
-    asked = Asked(wish.steps, wish.speed, style)
+    asked = PathRequest(wish.steps, wish.speed, style)
     hint = _own_way(session, gap, steps, wish)
     try:
         found = proposals.propose(gallery, query, asked, ends, count=count, seed=wish.seed, hint=hint)
@@ -185,10 +185,10 @@ def _matched(
     ], note
 
 
-def _of_any_style(gallery: Gallery, query: Query, ends: Ends, first: Proposal, hint: Path, seed: int) -> Proposal:
+def _of_any_style(gallery: Gallery, query: Query, ends: EndStates, first: Proposal, hint: Path, seed: int) -> Proposal:
     """The likeliest proposal, or one walked in another style where that is clearly nearer to the network's own way: a
     gallery has few trajectories of each style, and the network brings the style, whichever way it goes."""
-    other = proposals.propose(gallery, query, Asked(first.steps), ends, seed=seed, hint=hint)[0]
+    other = proposals.propose(gallery, query, PathRequest(first.steps), ends, seed=seed, hint=hint)[0]
     near, nearer = (paths.apart(one.path, hint) + 0.02 for one in (first, other))
     return other if nearer < CLEARLY * near else first
 
@@ -198,7 +198,7 @@ def _out_and_in(path: Path, own: Path) -> Path:
     over from one to the other."""
     own = paths.retime(own, len(path) - 1)
     time = np.arange(len(path))
-    share = paths.ease(np.minimum(time, time[::-1]) / paths.FADE)[:, None]
+    share = paths.ease(np.minimum(time, time[::-1]) / paths.FADE_STEPS)[:, None]
     ground = own[:, :2] + share * (path[:, :2] - own[:, :2])
     return np.concatenate([ground, path[:, 2:]], axis=-1)
 
@@ -223,7 +223,9 @@ def _drawn(gallery: Gallery | None, gap: Gap, wish: Wish) -> Plan:
     assert wish.line is not None
     leading = style_blend.leading(wish.style)
     style = leading if gallery is not None and leading in gallery.styles else None
-    path = following.follow(gallery, wish.line, gap.query, Asked(wish.steps, wish.speed, style), gap.ends, wish.seed)
+    path = following.follow(
+        gallery, wish.line, gap.query, PathRequest(wish.steps, wish.speed, style), gap.ends, wish.seed
+    )
     return Plan(len(path) - 1, path, "drawn")
 
 

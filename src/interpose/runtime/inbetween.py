@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from interpose import retarget
-from interpose.drawn_path.path_file import Drawn
+from interpose.drawn_path.path_file import DrawnPath
 from interpose.errors import InputError
 from interpose.gallery.speeds import Suggestion
 from interpose.keys import gaps
@@ -150,7 +150,7 @@ def fill(
 def mapping_of(motion: Motion) -> retarget.Mapping | str:
     """How the rig maps to the 22 joints, or in a phrase why it does not."""
     try:
-        return retarget.plan(motion)
+        return retarget.map_skeleton(motion)
     except InputError as error:
         return str(error)
 
@@ -292,7 +292,7 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _line(request: Request, names: tuple[int | str, int | str] | None) -> Drawn | None:
+def _line(request: Request, names: tuple[int | str, int | str] | None) -> DrawnPath | None:
     """What was drawn for this gap."""
     if request.lines is None:
         return None

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from interpose import parts, retarget
 from interpose.drawn_path import path_file
-from interpose.drawn_path.path_file import DrawnFile
+from interpose.drawn_path.path_file import PathFile
 from interpose.errors import InputError
 from interpose.gallery.store import Gallery
 from interpose.motion import Motion
@@ -68,7 +68,7 @@ class Model:
         candidate leads to is its ``target``.
 
         Any rig and rate; both poses share the rig. The last frame of ``start`` is the key, those before it are context.
-        ``mapping``, of :func:`interpose.retarget.plan`, saves the time to find it again for every gap of a clip.
+        ``mapping``, of :func:`interpose.retarget.map_skeleton`, saves finding it again for every gap of a clip.
         Raises InputError for what cannot be served: an unknown style or joint, two rigs, fewer than one frame, frames
         and a speed together.
         """
@@ -133,7 +133,7 @@ class Model:
         return Streams(self.session, starts, styles, seeds, mapping, plant)
 
 
-def _path(path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None) -> tuple[str, DrawnFile | None]:
+def _path(path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None) -> tuple[str, PathFile | None]:
     """The path's name, and what was drawn."""
     if path is None or (isinstance(path, str) and path in PATHS):
         return path or "auto", None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from interpose.drawn_path.path_file import DrawnFile
+from interpose.drawn_path.path_file import PathFile
 from interpose.errors import InputError
 from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
@@ -37,7 +37,7 @@ class Request:
     path: str = "auto"
     seed: int = 0
     speed: str | None = None
-    lines: DrawnFile | None = None
+    lines: PathFile | None = None
     gallery: Gallery | None = None
     control: float = 1.0
     strength: float = 1.0

@@ -25,7 +25,7 @@ from interpose.motion import Motion, from_global
 from interpose.parts import Parts
 from interpose.runtime import poses
 from interpose.runtime.ik.two_bone import two_bone_ik
-from interpose.runtime.ik.whole_body import Ease, Wanted, solve
+from interpose.runtime.ik.whole_body import Ease, JointTargets, solve
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.model_folder import Session
 from interpose.runtime.resampling import MODEL_RATE, recent
@@ -242,11 +242,11 @@ def _ending(
     return Ending(made, note)
 
 
-def _wanted(pose: Motion, goal: Motion, parts: Parts, joints: dict[int, int]) -> Wanted:
+def _wanted(pose: Motion, goal: Motion, parts: Parts, joints: dict[int, int]) -> JointTargets:
     """The given parts of ``goal``; ``joints``: what stands for each of the 22 in both. Hips of which only the ground is
     given keep their height and their turn, which faces the right way already."""
     at, turned = goal.global_positions()[0], goal.global_rotations()[0]
-    wanted = Wanted(
+    wanted = JointTargets(
         {joints[ours]: at[joints[ours]] for ours in parts.joints},
         {joints[ours]: turned[joints[ours]] for ours in parts.joints},
     )
@@ -257,14 +257,16 @@ def _wanted(pose: Motion, goal: Motion, parts: Parts, joints: dict[int, int]) ->
     return wanted
 
 
-def _solved(pose: Motion, wanted: Wanted, feet: dict[int, Float[ndarray, "3"]], ease: Ease) -> tuple[Motion, float]:
+def _solved(
+    pose: Motion, wanted: JointTargets, feet: dict[int, Float[ndarray, "3"]], ease: Ease
+) -> tuple[Motion, float]:
     """The pose that meets what is wanted, with its feet where they stand if that can be; and what it misses."""
     both = replace(wanted, positions=feet | wanted.positions)
     made, miss = solve(pose, both, ease)
     return (made, miss) if miss < SHORT / 10.0 or not feet else solve(made, wanted, ease)
 
 
-def _bent(pose: Motion, wanted: Wanted, feet: dict[int, Float[ndarray, "3"]]) -> Motion:
+def _bent(pose: Motion, wanted: JointTargets, feet: dict[int, Float[ndarray, "3"]]) -> Motion:
     """The pose with arms and legs whose ends are wanted within their reach bent, in their planes, to be there."""
     goals = feet | wanted.positions
     world = pose.global_rotations()[0]

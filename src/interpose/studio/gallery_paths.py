@@ -8,7 +8,7 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.gallery import proposals
-from interpose.gallery.proposals import Asked, Unreachable
+from interpose.gallery.proposals import PathRequest, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime.inbetween import gap_of
@@ -41,13 +41,13 @@ def ways(
         raise InputError("the model has no gallery, so no ways are known; draw one, or choose another method")
     gap, rate = gap_of(start, goal, mapping), clip.motion.rate
     steps = model_steps(frames, rate)
-    asked = Asked(steps, style=style if style in gallery.styles else None)
+    asked = PathRequest(steps, style=style if style in gallery.styles else None)
     try:
         found = proposals.propose(gallery, gap.query, asked, gap.ends, count=count, seed=seed)
     except Unreachable:
         if asked.style is None:
             raise
-        found = proposals.propose(gallery, gap.query, Asked(steps), gap.ends, count=count, seed=seed)
+        found = proposals.propose(gallery, gap.query, PathRequest(steps), gap.ends, count=count, seed=seed)
     seconds = (frames + 1) / rate
     return [
         WayInfo(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from interpose.drawn_path import path_file
-from interpose.drawn_path.path_file import SAME, DrawnFile
+from interpose.drawn_path.path_file import SAME_POINT, PathFile
 from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.retarget.mirrored import mirrored
@@ -152,16 +152,16 @@ def _request(asked: Generate, sessions: Sessions) -> Request:
     return Request(asked.method, session, style, asked.path.kind, asked.seed)
 
 
-def _line(line: Line) -> DrawnFile:
+def _line(line: Line) -> PathFile:
     """What was drawn, points that repeat the one before left out."""
     points = np.array(line.points)
     kept = [0]
     for row in range(1, len(points)):
-        if np.linalg.norm(points[row] - points[kept[-1]]) >= 2.0 * SAME:
+        if np.linalg.norm(points[row] - points[kept[-1]]) >= 2.0 * SAME_POINT:
             kept.append(row)
     chosen = [None if each is None else [each[row] for row in kept] if len(each) == len(points) else each
               for each in (line.times, line.facing)]  # fmt: skip
-    return path_file.of_line(points[kept].tolist(), *chosen)
+    return path_file.of_points(points[kept].tolist(), *chosen)
 
 
 def _ends(arrays: Arrays, clip: Clip) -> tuple[Motion, Motion]:

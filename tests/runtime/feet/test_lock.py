@@ -14,7 +14,7 @@ from interpose.data import contacts
 from interpose.io import bvh
 from interpose.motion import Motion, resample
 from interpose.runtime.feet import lock
-from interpose.runtime.feet.stances import DEFAULT
+from interpose.runtime.feet.stances import FOOT_DEFAULTS
 from interpose.skeleton import HUMANOID
 
 TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
@@ -104,8 +104,8 @@ def test_beside_a_key_in_the_air_a_contact_leaves_time_to_come_down() -> None:
     root[[0, -1], 1] += 0.08
     motion = replace(motion, root_positions=root)
     toe, before = (m.global_positions()[:, TOES[0]] for m in (lock.plant(motion, down()), motion))
-    assert np.linalg.norm(toe[1] - before[1]) < DEFAULT.pace
-    np.testing.assert_allclose(toe[6:-6, 1], DEFAULT.toe_heights[1], atol=1e-6)
+    assert np.linalg.norm(toe[1] - before[1]) < FOOT_DEFAULTS.pace
+    np.testing.assert_allclose(toe[6:-6, 1], FOOT_DEFAULTS.toe_heights[1], atol=1e-6)
 
 
 def test_quaternions_keep_their_signs() -> None:
@@ -162,7 +162,7 @@ def test_a_place_too_far_away_is_let_go() -> None:
     dragged = replace(walking, root_positions=root)
     planted = lock.plant(dragged, down())
     apart = np.linalg.norm(planted.global_positions()[:, TOES] - dragged.global_positions()[:, TOES], axis=-1)
-    assert 0.01 < apart.max() < DEFAULT.stretch + 0.05
+    assert 0.01 < apart.max() < FOOT_DEFAULTS.stretch + 0.05
     assert largest_acceleration(planted) < 120.0
 
 
@@ -238,7 +238,7 @@ def test_a_folded_leg_is_not_thrown_about() -> None:
 @pytest.mark.parametrize("first", [600, 1500, 2700])
 def test_a_real_walk_that_drifts_slides_no_more_than_it_did(lafan1_dir: Path, first: int) -> None:
     clip = bvh.read(lafan1_dir / "walk4_subject1.bvh")
-    walk = resample(retarget.to_humanoid(clip, retarget.plan(clip)), 30.0)[first : first + 62]
+    walk = resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)[first : first + 62]
     stands = contacts.detect(walk.global_positions(), 30.0)
     drifted = drifting(walk, np.array([0.08, -0.02, 0.08]))
     planted = lock.plant(drifted, stands.astype(float))
@@ -256,7 +256,7 @@ def test_a_real_walk_that_drifts_slides_no_more_than_it_did(lafan1_dir: Path, fi
 @pytest.mark.parametrize("name", ["walk4_subject1", "fallAndGetUp1_subject1", "ground1_subject1"])
 def test_real_motion_hardly_changes(lafan1_dir: Path, name: str) -> None:
     clip = bvh.read(lafan1_dir / f"{name}.bvh")
-    clip = resample(retarget.to_humanoid(clip, retarget.plan(clip)), 30.0)
+    clip = resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)
     changes = []
     for first in range(300, 3900, 600):
         gap = clip[first : first + 62]

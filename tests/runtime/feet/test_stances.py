@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from interpose.runtime.feet.stances import DEFAULT, Settings, divide, divide_pairs
+from interpose.runtime.feet.stances import FOOT_DEFAULTS, FootSettings, divide, divide_pairs
 
 FRAMES = 60
 
@@ -29,7 +29,7 @@ def step(frames: int, begin: int, end: int, way: float, height: float = 0.08) ->
     return toe
 
 
-def spans(toe: ndarray, probability: ndarray | float, settings: Settings = DEFAULT) -> list[tuple[int, int]]:
+def spans(toe: ndarray, probability: ndarray | float, settings: FootSettings = FOOT_DEFAULTS) -> list[tuple[int, int]]:
     """The stances of one foot."""
     found = divide(toe[None], np.broadcast_to(probability, (1, len(toe))).astype(float), settings)[0]
     return [(span.start, span.stop) for span in found]
@@ -62,9 +62,9 @@ def test_a_foot_that_glides_steps_from_place_to_place() -> None:
     found = spans(toe, 0.6)
     assert 3 <= len(found) <= 7
     for begin, end in found:
-        assert np.ptp(toe[begin:end, 0]) < 2.0 * DEFAULT.stretch
+        assert np.ptp(toe[begin:end, 0]) < 2.0 * FOOT_DEFAULTS.stretch
     for (_, leaves), (lands, _) in pairwise(found):
-        assert lands - leaves >= DEFAULT.shortest_swing
+        assert lands - leaves >= FOOT_DEFAULTS.shortest_swing
 
 
 def test_two_feet_that_glide_take_turns() -> None:
@@ -118,9 +118,9 @@ def test_a_foot_does_not_stand_in_the_air_where_a_key_holds_it() -> None:
 
 def test_a_stance_from_key_to_key_needs_one_place() -> None:
     toe = still()
-    toe[:, 0] = np.linspace(0.0, 0.9 * DEFAULT.step, FRAMES)
+    toe[:, 0] = np.linspace(0.0, 0.9 * FOOT_DEFAULTS.step, FRAMES)
     assert spans(toe, 0.95) == [(0, FRAMES)]
-    toe[:, 0] = np.linspace(0.0, 2.0 * DEFAULT.step, FRAMES)
+    toe[:, 0] = np.linspace(0.0, 2.0 * FOOT_DEFAULTS.step, FRAMES)
     assert len(spans(toe, 0.95)) == 2
 
 
@@ -137,7 +137,7 @@ def test_each_foot_is_divided_by_itself_and_in_blocks_as_at_once(monkeypatch: py
 
 def cost(toe: ndarray, probability: ndarray, stands: ndarray) -> float:
     """What a division costs, added up stance by stance and swing by swing as the module says."""
-    s, frames = DEFAULT, len(toe)
+    s, frames = FOOT_DEFAULTS, len(toe)
     sure = np.clip(probability, 0.03, 0.97)
     speed = np.linalg.norm(np.gradient(toe, axis=0), axis=-1)
     low = [toe[key, 1] < s.key_low and probability[key] > 0.03 for key in (0, -1)]

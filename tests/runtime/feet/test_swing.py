@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from interpose.runtime.feet.stances import DEFAULT
+from interpose.runtime.feet.stances import FOOT_DEFAULTS
 from interpose.runtime.feet.swing import led, lifted, smooth_field
 
 FRAMES = 40
@@ -49,40 +49,40 @@ def dragging(way: float, height: float = 0.005) -> tuple[ndarray, ndarray]:
 
 def test_a_toe_that_drags_is_lifted_over_the_floor_and_higher_on_a_long_step() -> None:
     toe, held = dragging(0.1)
-    heights = lifted(toe, held, DEFAULT)[0]
+    heights = lifted(toe, held, FOOT_DEFAULTS)[0]
     np.testing.assert_array_equal(heights[held[0]], 0.005)
-    assert np.all(heights[12:28] >= DEFAULT.clear)
+    assert np.all(heights[12:28] >= FOOT_DEFAULTS.clear)
     far, _ = dragging(1.0)
-    assert lifted(far, held, DEFAULT)[0].max() > heights.max() + 0.02
-    assert np.abs(np.diff(lifted(far, held, DEFAULT)[0])).max() < 0.02
+    assert lifted(far, held, FOOT_DEFAULTS)[0].max() > heights.max() + 0.02
+    assert np.abs(np.diff(lifted(far, held, FOOT_DEFAULTS)[0])).max() < 0.02
 
 
 def test_a_toe_that_is_clear_of_the_floor_keeps_its_height() -> None:
     toe, held = dragging(0.8)
     toe[0, :, 1] += 0.1 * np.sin(np.pi * np.clip((np.arange(FRAMES) - 9) / 21.0, 0.0, 1.0))
-    heights = lifted(toe, held, DEFAULT)[0]
+    heights = lifted(toe, held, FOOT_DEFAULTS)[0]
     np.testing.assert_array_equal(heights[13:27], toe[0, 13:27, 1])
 
 
 def test_a_foot_on_a_box_is_not_lifted() -> None:
     toe, held = dragging(0.3, height=0.4)
-    np.testing.assert_array_equal(lifted(toe, held, DEFAULT), toe[..., 1])
+    np.testing.assert_array_equal(lifted(toe, held, FOOT_DEFAULTS), toe[..., 1])
 
 
 @pytest.mark.parametrize("depth", [0.0, -0.02, -0.1])
 def test_beside_a_key_that_swings_a_toe_rises_slowly(depth: float) -> None:
     toe, held = dragging(0.5, height=depth)
     held[:, :10] = False
-    heights = lifted(toe, held, DEFAULT)[0]
+    heights = lifted(toe, held, FOOT_DEFAULTS)[0]
     assert heights[0] == depth
     assert heights[1] - heights[0] < 0.008
     assert np.abs(np.diff(heights, n=2))[:8].max() < 0.01
-    assert heights[12:26].min() > min(depth + DEFAULT.clear, DEFAULT.clear) - 1e-9
+    assert heights[12:26].min() > min(depth + FOOT_DEFAULTS.clear, FOOT_DEFAULTS.clear) - 1e-9
 
 
 def test_the_heel_goes_before_the_toe_and_keeps_to_the_keys() -> None:
     toe, held = dragging(0.5)
-    lift = lifted(toe, held, DEFAULT) - toe[..., 1]
+    lift = lifted(toe, held, FOOT_DEFAULTS) - toe[..., 1]
     rise = led(lift)
     moves = np.flatnonzero(lift[0] > 1e-6)
     rises = np.flatnonzero(rise[0] > 1e-6)

@@ -8,7 +8,7 @@ from learning import march
 
 from interpose import rotation
 from interpose.runtime import target_parts
-from interpose.runtime.ik.whole_body import Ease, Wanted, solve
+from interpose.runtime.ik.whole_body import Ease, JointTargets, solve
 from interpose.skeleton import HUMANOID
 
 EASE = Ease(np.ones(22), 0.05)
@@ -18,7 +18,7 @@ CLIP = march(40, 1.0, 0.3)
 def wanted(pose, *names):
     joints = [HUMANOID.index(name) for name in names]
     at, turned = pose.global_positions()[0], pose.global_rotations()[0]
-    return Wanted({j: at[j] for j in joints}, {j: turned[j] for j in joints})
+    return JointTargets({j: at[j] for j in joints}, {j: turned[j] for j in joints})
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_no_more_moves_than_has_to():
     hand = HUMANOID.index("LeftHand")
     at = CLIP[10].global_positions()[0]
     aside = np.cross(at[hand] - at[hand - 2], [0.0, 1.0, 0.0])  # across the arm
-    near = Wanted({hand: at[hand] + 0.02 * aside / np.linalg.norm(aside)}, {})
+    near = JointTargets({hand: at[hand] + 0.02 * aside / np.linalg.norm(aside)}, {})
     made, _ = solve(CLIP[10], near, target_parts.EASE)
     apart = np.linalg.norm(made.global_positions()[0] - at, axis=-1)
     assert apart[hand] == pytest.approx(0.02, abs=1e-6)
@@ -50,7 +50,7 @@ def test_no_more_moves_than_has_to():
 
 
 def test_an_axis_may_be_left_free():
-    goal = Wanted({0: np.array([1.0, np.nan, -2.0])}, {})
+    goal = JointTargets({0: np.array([1.0, np.nan, -2.0])}, {})
     made, miss = solve(CLIP[10], goal, EASE)
     assert miss < 1e-7
     np.testing.assert_allclose(made.root_positions[0], [1.0, CLIP[10].root_positions[0, 1], -2.0], atol=1e-7)
@@ -60,7 +60,7 @@ def test_joints_that_are_fixed_stay_and_what_cannot_be_reached_is_come_near_to()
     hand, arm = HUMANOID.index("LeftHand"), HUMANOID.index("LeftArm")
     only_arm = Ease(np.isin(np.arange(22), [arm, HUMANOID.index("LeftForeArm")]).astype(float), 0.0)
     away = CLIP[10].global_positions()[0, arm] + np.array([0.0, 0.0, 1.0])
-    made, miss = solve(CLIP[10], Wanted({hand: away}, {}), only_arm)
+    made, miss = solve(CLIP[10], JointTargets({hand: away}, {}), only_arm)
     assert miss == pytest.approx(1.0 - 0.582, abs=5e-3)
     np.testing.assert_array_equal(made.root_positions, CLIP[10].root_positions)
     others = [j for j in range(22) if j not in (arm, arm + 1)]
@@ -73,7 +73,7 @@ def test_the_places_of_joints_that_a_file_animates_are_kept():
     pose = replace(CLIP[10], translations=moved)
     hand = HUMANOID.index("LeftHand")
     goal = pose.global_positions()[0, hand] + [0.1, 0.1, 0.0]
-    made, miss = solve(pose, Wanted({hand: goal}, {}), EASE)
+    made, miss = solve(pose, JointTargets({hand: goal}, {}), EASE)
     assert miss < 1e-7
     np.testing.assert_allclose(made.global_positions()[0, hand], goal, atol=1e-7)
     np.testing.assert_array_equal(made.translations[:, 1:], moved[:, 1:])

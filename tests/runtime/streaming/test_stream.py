@@ -179,7 +179,7 @@ def test_rigs_of_other_kinds(session, rig):
     every = steps([start, *poses])
     assert every[0] < 0.25
     assert every[-1] < 0.25
-    mapping = retarget.plan(start)
+    mapping = retarget.map_skeleton(start)
     on22 = [retarget.to_humanoid(pose, mapping) for pose in (start, target)]
     root, _, _ = dcmoe.generate_batch(
         session,

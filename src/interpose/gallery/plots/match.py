@@ -13,7 +13,7 @@ from interpose.gallery import index, matching, paths
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.plots import canvas
 from interpose.gallery.store import Gallery
-from interpose.gallery.windows import LONGEST, SHORTEST, Wanted, features
+from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW, WindowQuery, features
 from interpose.rotation import wrapped
 
 CHANGED = 20.0
@@ -64,7 +64,7 @@ def matched(gallery: Gallery, distance: float, style: str | None = None, seed: i
     moved = paths.turn(own, heading - paths.query_of(own).heading, 1.0, draw.uniform(-5.0, 5.0, 2))
     moved[-1, 2] += np.radians(CHANGED) * draw.choice([-1.0, 1.0])
     query = paths.query_of(moved)
-    steps = max(SHORTEST, int((len(own) - 1) / 1.1)), min(LONGEST, int(np.ceil((len(own) - 1) * 1.1)))
+    steps = max(SHORTEST_WINDOW, int((len(own) - 1) / 1.1)), min(LONGEST_WINDOW, int(np.ceil((len(own) - 1) * 1.1)))
     found = matching.direct(gallery.search, query, LOOKED_AT, steps, styles)
     order = [found[i] for i in draw.permutation(len(found))[:256]]
     made = [_matched(gallery, query, trace, len(found)) for trace in order]
@@ -76,10 +76,14 @@ def _window(
 ) -> Float[ndarray, "time 3"]:
     """A window that leads about so far, in one to three seconds where there is one; else one of the nearest length."""
     about, anywhere = matching.band(distance), (2.0 * matching.IN_PLACE, matching.FARTHEST)
-    for lengths, steps in ((about, (30, 90)), (about, (SHORTEST, LONGEST)), (anywhere, (SHORTEST, LONGEST))):
+    for lengths, steps in (
+        (about, (30, 90)),
+        (about, (SHORTEST_WINDOW, LONGEST_WINDOW)),
+        (anywhere, (SHORTEST_WINDOW, LONGEST_WINDOW)),
+    ):
         if lengths[1] < anywhere[0]:
             continue
-        found = index.sample(gallery.index, Wanted(lengths, (0.0, 0.0), "both", steps, styles), DRAWN, draw)
+        found = index.sample(gallery.index, WindowQuery(lengths, (0.0, 0.0), "both", steps, styles), DRAWN, draw)
         if len(found):
             length = features(gallery.tracks.root, found.start, found.steps)[0]
             row = int(np.argmin(np.abs(length - distance))) if lengths == anywhere else int(draw.integers(len(found)))

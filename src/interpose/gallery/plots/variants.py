@@ -11,7 +11,7 @@ from numpy import ndarray
 from interpose.features import RATE
 from interpose.gallery.matching import Query
 from interpose.gallery.plots import canvas
-from interpose.gallery.proposals import Asked, Proposal, Unreachable, propose
+from interpose.gallery.proposals import PathRequest, Proposal, Unreachable, propose
 from interpose.gallery.store import Gallery
 
 DEGREES = (0, 45, 90, 135)
@@ -45,7 +45,7 @@ def variants(gallery: Gallery, distance: float, style: str | None = None, seed: 
     for degrees in DEGREES:
         query = Query((0.0, 0.0, 0.0), (0.0, distance, float(np.radians(degrees))))
         try:
-            found = propose(gallery, query, Asked(style=style), count=COUNT, seed=seed)
+            found = propose(gallery, query, PathRequest(style=style), count=COUNT, seed=seed)
         except Unreachable as error:
             found, missing = [], error
         made.append(Variants(degrees, query, found))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from interpose.runtime.feet.stances import Settings
+from interpose.runtime.feet.stances import FootSettings
 
 RISE = 0.005
 """Metres a frame by which the floor may rise from a key that is below it."""
@@ -37,7 +37,7 @@ def footing(
     heel_down: Float[ndarray, "frame"],
     spans: list[slice],
     reach: float,
-    settings: Settings,
+    settings: FootSettings,
 ) -> Footing:
     """The places of one foot in its stances.
 
@@ -87,7 +87,7 @@ def _held_by_keys(values: Float[ndarray, "frame 3"], span: slice) -> Float[ndarr
     return values[-1:] if at_target else None
 
 
-def _beside_key(toe: Float[ndarray, "frame 3"], span: slice, settings: Settings) -> Float[ndarray, "3"]:
+def _beside_key(toe: Float[ndarray, "frame 3"], span: slice, settings: FootSettings) -> Float[ndarray, "3"]:
     """The mean place of a stance that holds no key; the key's where the foot only just lands there or leaves it."""
     mean = toe[span].mean(axis=0)
     for key, since in ((0, span.start), (-1, len(toe) - span.stop)):
@@ -119,7 +119,7 @@ def floor(heights: Float[ndarray, "*leg frame"], level: float) -> Float[ndarray,
 
 
 def eased(
-    wanted: Float[ndarray, "frame 3"], held: Bool[ndarray, "frame"], settings: Settings
+    wanted: Float[ndarray, "frame 3"], held: Bool[ndarray, "frame"], settings: FootSettings
 ) -> Bool[ndarray, "frame"]:
     """``held`` without those frames that leave too little time to come from one correction, or a key, to the next."""
     last = len(held) - 1

@@ -22,7 +22,7 @@ from interpose import rotation
 from interpose import skeleton as kinematics
 from interpose.motion import Motion
 from interpose.runtime.feet.footholds import eased, floor, footing
-from interpose.runtime.feet.stances import DEFAULT, Settings, divide_pairs
+from interpose.runtime.feet.stances import FOOT_DEFAULTS, FootSettings, divide_pairs
 from interpose.runtime.feet.swing import led, lifted, smooth_field
 from interpose.runtime.ik.two_bone import soft_reach, two_bone_ik
 from interpose.skeleton import HUMANOID
@@ -36,7 +36,7 @@ _SLACK = 0.02
 """Metres that leg and foot together keep in hand when they hold a place."""
 
 
-def plant(motion: Motion, contacts: Float[ndarray, "frame 4"], settings: Settings = DEFAULT) -> Motion:
+def plant(motion: Motion, contacts: Float[ndarray, "frame 4"], settings: FootSettings = FOOT_DEFAULTS) -> Motion:
     """``motion`` with its feet kept on the ground while they are in contact; the first and the last frame are kept.
 
     ``motion``: of :data:`~interpose.skeleton.HUMANOID` at 30 Hz, the two keys included. ``contacts``: probabilities for
@@ -53,7 +53,7 @@ def plant_batch(
     root: Float[ndarray, "batch frame 3"],
     local: Float[ndarray, "batch frame 22 4"],
     contacts: Float[ndarray, "batch frame 4"],
-    settings: Settings = DEFAULT,
+    settings: FootSettings = FOOT_DEFAULTS,
 ) -> Float[ndarray, "batch frame 22 4"]:
     """The local rotations of :func:`plant` for several transitions of one length at once."""
     count, frames = root.shape[:2]
@@ -133,7 +133,7 @@ def reachable_ankle(
 
 
 def _tracks(
-    legs: Float[ndarray, "leg frame 4 3"], down: Float[ndarray, "leg frame 2"], settings: Settings
+    legs: Float[ndarray, "leg frame 4 3"], down: Float[ndarray, "leg frame 2"], settings: FootSettings
 ) -> tuple[Float[ndarray, "leg frame 3"], Float[ndarray, "leg frame 3"]]:
     """Where the toes and ankles should go: planted, above the floor, and smoothly from place to place."""
     ankles, toes = legs[:, :, 2], legs[:, :, 3]

@@ -19,7 +19,7 @@ from scipy.ndimage import binary_opening
 
 
 @dataclass(frozen=True)
-class Settings:
+class FootSettings:
     """Frames are of 30 Hz, lengths metres, costs natural units.
 
     When a foot stands (`interpose.runtime.feet.stances`). trust: the weight of a contact's log odds. loose, loose_key:
@@ -78,7 +78,7 @@ class Settings:
     folded: float = 0.4
 
 
-DEFAULT = Settings()
+FOOT_DEFAULTS = FootSettings()
 
 _SURE = 0.03
 """Contact probabilities are kept this far from 0 and 1; a key with less is known not to stand."""
@@ -89,7 +89,7 @@ _ROWS = 64
 def divide(
     toes: Float[ndarray, "leg frame 3"],
     probability: Float[ndarray, "leg frame"],
-    settings: Settings = DEFAULT,
+    settings: FootSettings = FOOT_DEFAULTS,
     swing_cost: Float[ndarray, "leg frame"] | None = None,
 ) -> list[list[slice]]:
     """The frames in which each foot stands, in order; in all others it swings.
@@ -130,7 +130,9 @@ def divide(
 
 
 def divide_pairs(
-    toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: Settings = DEFAULT
+    toes: Float[ndarray, "leg frame 3"],
+    probability: Float[ndarray, "leg frame"],
+    settings: FootSettings = FOOT_DEFAULTS,
 ) -> list[list[slice]]:
     """:func:`divide` for feet that follow one another in pairs, left and right.
 
@@ -161,7 +163,7 @@ def _standing(found: list[list[slice]], frames: int) -> Bool[ndarray, "leg {fram
 
 
 def _evidence(
-    toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: Settings
+    toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: FootSettings
 ) -> tuple[Float[ndarray, "leg frame"], Float[ndarray, "leg frame"], Float[ndarray, "leg frame"]]:
     """What each frame costs: standing by its contact, standing by its height, and swinging."""
     sure = np.clip(probability, _SURE, 1.0 - _SURE)
@@ -176,7 +178,7 @@ def _evidence(
 
 
 def _low_keys(
-    toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: Settings
+    toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: FootSettings
 ) -> Bool[ndarray, "leg 2"]:
     """Whether each foot is low at each key and not known to move there."""
     return (toes[:, [0, -1], 1] < settings.key_low) & (probability[:, [0, -1]] > _SURE)
@@ -187,7 +189,7 @@ def _stance_costs(
     stand: Float[ndarray, "leg frame"],
     high: Float[ndarray, "leg frame"],
     ends: Int[ndarray, "row"],
-    settings: Settings,
+    settings: FootSettings,
 ) -> Float[ndarray, "leg row begin"]:
     """The cost of standing from each beginning to (not with) each of ``ends``."""
     frames, final = toes.shape[1], int(ends[-1])
@@ -210,7 +212,7 @@ def _stance_costs(
     return cost + _between(stand, ends)
 
 
-def _hovering(toes: Float[ndarray, "leg frame 3"], key: int, settings: Settings) -> Float[ndarray, "leg frame"]:
+def _hovering(toes: Float[ndarray, "leg frame 3"], key: int, settings: FootSettings) -> Float[ndarray, "leg frame"]:
     """What it costs each frame to stand where a key's toe is, in the air and higher than the frame's own."""
     height = toes[:, key, 1, None]
     above = np.where(height > settings.high, np.maximum(height - toes[..., 1], 0.0), 0.0)
@@ -222,7 +224,7 @@ def _swing_costs(
     swing: Float[ndarray, "leg frame"],
     low_keys: Bool[ndarray, "leg 2"],
     ends: Int[ndarray, "row"],
-    settings: Settings,
+    settings: FootSettings,
 ) -> Float[ndarray, "leg row begin"]:
     """The cost of swinging from each beginning to (not with) each of ``ends``."""
     frames, final = toes.shape[1], int(ends[-1])

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.linalg import solveh_banded
 
 from interpose.runtime.feet.footholds import floor
-from interpose.runtime.feet.stances import Settings
+from interpose.runtime.feet.stances import FootSettings
 
 _OFF = np.array([0.0, 0.6, 0.9, 1.0])
 """How much of the clearance a toe has so many frames from where it stands."""
@@ -57,7 +57,7 @@ def smooth_field(
 
 
 def lifted(
-    toes: Float[ndarray, "leg frame 3"], held: Bool[ndarray, "leg frame"], settings: Settings
+    toes: Float[ndarray, "leg frame 3"], held: Bool[ndarray, "leg frame"], settings: FootSettings
 ) -> Float[ndarray, "leg frame"]:
     """The toes' heights, raised where they swing too low; unchanged where ``held`` and at the keys.
 

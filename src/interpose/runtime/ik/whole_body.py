@@ -27,7 +27,7 @@ DAMPING = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class JointTargets:
     """Where joints are to be, by joint: metres in the world, NaN along an axis that does not matter; and how they are
     to be turned, ``q_world_joint``."""
 
@@ -43,7 +43,7 @@ class Ease:
     root: float
 
 
-def solve(pose: Motion, wanted: Wanted, ease: Ease) -> tuple[Motion, float]:
+def solve(pose: Motion, wanted: JointTargets, ease: Ease) -> tuple[Motion, float]:
     """The pose (one frame) that meets what is wanted and is near to ``pose``, and by how many metres it misses at most.
 
     What cannot be reached is come near to.

@@ -67,7 +67,7 @@ class Streams:
         self.styles = styles
         for start in starts[1:]:
             check_gap(starts[0], start, 1)
-        self._mapping = retarget.plan(starts[0]) if mapping is None else mapping
+        self._mapping = retarget.map_skeleton(starts[0]) if mapping is None else mapping
         self._simple = _has_no_details(starts[0], self._mapping)
         self.poses = self._begin(starts, [0] * self._count if seeds is None else seeds)
         self._goals = self.poses

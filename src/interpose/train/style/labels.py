@@ -23,7 +23,7 @@ from interpose.data.label_issues import Judged, Stretch
 from interpose.errors import InputError
 from interpose.io.files import write_whole
 from interpose.motion import Motion
-from interpose.render.sheet import Row, contact_sheet
+from interpose.render.sheet import SheetRow, contact_sheet
 from interpose.train.style.classifier import Recipe, fit, probabilities
 
 FOLDS = 5
@@ -194,7 +194,7 @@ def draw(data: Database, runs: list[Stretch], out: Path) -> list[Path]:
     return files
 
 
-def _row(data: Database, run: Stretch) -> Row:
+def _row(data: Database, run: Stretch) -> SheetRow:
     first, info = int(data.ranges[run.clip, 0]), data.clips[run.clip]
     middle = (run.start + run.stop) // 2
     start, stop = max(run.start, middle - SHOWN // 2), min(run.stop, middle + SHOWN // 2)
@@ -204,4 +204,4 @@ def _row(data: Database, run: Stretch) -> Row:
         f"frames {run.start - first} to {run.stop - first}",
         f"given {info.style}, doubt {run.doubt:.2f}",
     )
-    return Row(motion, f"believed: {data.styles[run.believed]}", notes)
+    return SheetRow(motion, f"believed: {data.styles[run.believed]}", notes)
