@@ -42,7 +42,7 @@ def main(data: Path, out: Path, model: str | None = None) -> None:
         keys = list(range(first, last + 1, step))
         filled = fill(clip, keys, Request(session=session))[0]
         target = out / Path(name).name
-        io.bvh.write(target, filled.motion, verbatim={k: k for k in keys})
+        io.write(target, filled.motion, unchanged_rows={k: k for k in keys})
         rows, made = _rows(data / name), _rows(target)
         same = all(rows[k] == made[k] for k in keys)
         back = io.read(target)

@@ -24,7 +24,7 @@ from urllib.request import Request, urlopen
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
-from interpose.io import bvh
+from interpose import io
 from interpose.studio import messages
 from interpose.studio.pose_rows import of_motion
 from interpose.studio.protocol import ASKED, TOLD
@@ -88,7 +88,7 @@ def _socket(port: int, repeats: int) -> None:
     post = Request(f"{home}/api/rigs?name=sample.bvh", project.source.text.encode(), {"Origin": home})
     with urlopen(post) as answer:
         rig = answer.read()
-    clip = bvh.parse(project.source.text.encode(), "sample.bvh")
+    clip = io.parse(project.source.text.encode(), "sample.bvh")
     ends = {"start": of_motion(clip[0]), "target": of_motion(clip[1])}
     (length,) = np.frombuffer(rig[:4], "<u4")
     number = json.loads(rig[4 : 4 + int(length)])["id"]

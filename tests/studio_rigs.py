@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from interpose import io
 from interpose.demo import poses
-from interpose.io import bvh
 from interpose.motion import Motion, concatenate
 from interpose.skeleton import HUMANOID, Skeleton
 from interpose.studio.messages import shapes
@@ -67,7 +67,7 @@ def no_humanoid() -> Motion:
 
 def opened(motion: Motion, shelf: Shelf | None = None) -> Clip:
     """The clip that a browser gets by sending the motion as a BVH file."""
-    return (Shelf() if shelf is None else shelf).open(bvh.serialize(motion), "clip.bvh")
+    return (Shelf() if shelf is None else shelf).open(io.serialize(motion, "clip.bvh"), "clip.bvh")
 
 
 STAND = poses.pose(poses.STAND)

@@ -30,7 +30,7 @@ def test_imports_run_one_way() -> None:
 def test_no_run_time_module_imports_torch_or_matplotlib() -> None:
     found = [m.name for m in pkgutil.walk_packages(interpose.__path__, "interpose.") if not m.name.startswith(TRAINING)]
     modules = [name for name in found if not name.endswith("__main__")]
-    assert {"interpose.runtime", "interpose.cli", "interpose.evaluate", "interpose.io.bvh"} <= set(modules)
+    assert {"interpose.runtime", "interpose.cli", "interpose.evaluate", "interpose.io.registry"} <= set(modules)
     done = run(
         f"import importlib, sys\n"
         f"for name in {modules}:\n"

@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-import io
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from interpose import InputError, Motion, rotation
+from interpose import InputError, Motion, io, rotation
 from interpose.demo import poses, run, scenes
-from interpose.io import bvh
 from interpose.mannequin import figure
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
@@ -102,12 +101,12 @@ def test_the_demo_writes_what_its_table_tells(tmp_path: Path, monkeypatch: pytes
     assert [m.scene for m in made] == two
     for each in made:
         assert all(file.stat().st_size > 0 for file in each.files)
-        clip = bvh.read(each.files[0])
+        clip = io.read(each.files[0])
         assert len(clip) == each.scene.frames + 2
         for frame, key in ((0, each.scene.start), (-1, each.scene.target)):
             np.testing.assert_allclose(clip[frame].global_positions(), key.global_positions(), atol=1e-5)
     assert (tmp_path / "new" / "folder" / run.OVERVIEW).stat().st_size > 0
-    console = Console(width=80, record=True, file=io.StringIO())
+    console = Console(width=80, record=True, file=StringIO())
     console.print(run.table(made))
     told = console.export_text()
     assert "…" not in told

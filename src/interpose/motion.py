@@ -6,6 +6,7 @@ Everything here is a pure function of arrays; see `interpose.io` for files and `
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,28 @@ from interpose import skeleton as kinematics
 from interpose.skeleton import HUMANOID, MIRROR, Skeleton
 
 
+@runtime_checkable
+class SourceLayout(Protocol):
+    """How the file that a motion was read from is laid out; `interpose.io` needs it to write frames back unchanged."""
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Length of the file's unit."""
+        ...
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the file's text that are kept in memory."""
+        ...
+
+    def joined(self, frame: int, other: SourceLayout | None, other_frame: int) -> tuple[SourceLayout, bool]:
+        """This layout with two rows, one of this file and one of another, and whether the other's row fits.
+
+        It fits where both files have the same channels, offsets and unit; otherwise it is left out.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """A clip or a pose (a motion of one frame).
@@ -23,7 +46,7 @@ class Motion:
     root_positions: (frame, 3) metres. local_rotations: (frame, joint, 4), ``q_parent_joint``, scalar last.
     rate: frames a second. translations: None, or (frame, joint, 3), each joint's place in its parent's frame, for files
     that animate the positions of joints other than the root (entry 0 repeats the root's position).
-    layout: how the file it was read from is laid out, kept so that writing gives the same file again; opaque here.
+    layout: of the file it was read from; kept when the motion is cut.
     """
 
     skeleton: Skeleton
@@ -31,7 +54,7 @@ class Motion:
     local_rotations: Float[ndarray, "frame joint 4"]
     rate: float
     translations: Float[ndarray, "frame joint 3"] | None = None
-    layout: object | None = None
+    layout: SourceLayout | None = None
 
     def __post_init__(self) -> None:
         frames, joints = self.local_rotations.shape[:2]

@@ -9,8 +9,8 @@ import pytest
 from commandline import fails, rows
 
 import interpose
+from interpose import io
 from interpose.gallery import store
-from interpose.io import bvh
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def gallery(tmp_path, run, walks):
 def march(tmp_path):
     """A BVH of the marching figure."""
     path = tmp_path / "march.bvh"
-    bvh.write(path, learning.march(200, 0.9, 0.4))
+    io.write(path, learning.march(200, 0.9, 0.4))
     return path
 
 

@@ -28,7 +28,7 @@ def test_a_reader_that_goes_away(clip):
 
 
 def test_interruption_and_want_of_memory(run, clip, monkeypatch):
-    from interpose.io import bvh
+    from interpose import io
 
     def stop(error):
         def raised(*_):
@@ -36,11 +36,11 @@ def test_interruption_and_want_of_memory(run, clip, monkeypatch):
 
         return raised
 
-    monkeypatch.setattr(bvh, "read", stop(KeyboardInterrupt()))
+    monkeypatch.setattr(io, "read", stop(KeyboardInterrupt()))
     assert run("info", clip) == (130, "", "interpose: interrupted\n")
-    monkeypatch.setattr(bvh, "read", stop(MemoryError()))
+    monkeypatch.setattr(io, "read", stop(MemoryError()))
     assert run("info", clip)[0] == 1
-    monkeypatch.setattr(bvh, "read", stop(PermissionError(13, "Permission denied", "a.bvh")))
+    monkeypatch.setattr(io, "read", stop(PermissionError(13, "Permission denied", "a.bvh")))
     assert run("info", clip) == (1, "", "interpose: a.bvh: Permission denied\n")
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from commandline import bvh_text, command, fails
 
+from interpose import io
 from interpose.cli import studio
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.studio.protocol import Opened
 from interpose.studio.sample import sample
 
@@ -63,8 +63,8 @@ def test_a_clip_in_another_encoding_is_the_same_rig(tmp_path: Path, encoding: st
     path.write_bytes(text.encode(encoding))
     source = studio.read(str(path)).source
     assert source is not None
-    again = bvh.parse(source.text.encode(), "again")
-    assert again.skeleton == bvh.read(path).skeleton
+    again = io.parse(source.text.encode(), "again")
+    assert again.skeleton == io.read(path).skeleton
     assert "Rücken" in again.skeleton.names
 
 

@@ -9,10 +9,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from interpose import io
 from interpose.data import contacts, database, ingest, sources
 from interpose.data.database import Database
 from interpose.errors import InputError
-from interpose.io import bvh as bvh_files
 from interpose.skeleton import HUMANOID
 
 from .conftest import BvhText
@@ -85,7 +85,7 @@ def test_only_the_feet_that_stand_are_in_contact(folder: Path, tmp_path: Path) -
 
 def test_a_motion_read_back_is_the_one_in_the_file(folder: Path, tmp_path: Path) -> None:
     db = prepare("bvh", folder, tmp_path / "db").database
-    original = bvh_files.read(folder / "slow" / "turning.bvh")
+    original = io.read(folder / "slow" / "turning.bvh")
     assert original.skeleton.names == HUMANOID.names
     np.testing.assert_allclose(db.clip(2).global_positions(), original.global_positions(), atol=1e-3)
 
@@ -93,7 +93,7 @@ def test_a_motion_read_back_is_the_one_in_the_file(folder: Path, tmp_path: Path)
 @pytest.mark.parametrize(("rate", "frames"), [(60.0, 101), (59.9988, 101), (120.0, 202), (30.0, 51), (29.97, 51)])
 def test_rates_that_are_multiples_keep_every_nth_frame(bvh: BvhText, tmp_path: Path, rate: float, frames: int) -> None:
     (tmp_path / "clip.bvh").write_text(bvh(frames=frames, rate=rate, turn=2.0))
-    motion = bvh_files.read(tmp_path / "clip.bvh")
+    motion = io.read(tmp_path / "clip.bvh")
     out = ingest.at_rate(motion)
     assert out.rate == 30.0
     assert len(out) == 51
@@ -102,7 +102,7 @@ def test_rates_that_are_multiples_keep_every_nth_frame(bvh: BvhText, tmp_path: P
 
 def test_other_rates_are_interpolated(bvh: BvhText, tmp_path: Path) -> None:
     (tmp_path / "clip.bvh").write_text(bvh(frames=50, rate=24.0, turn=1.0))
-    out = ingest.at_rate(bvh_files.read(tmp_path / "clip.bvh"))
+    out = ingest.at_rate(io.read(tmp_path / "clip.bvh"))
     yaw = np.arange(len(out)) / 30.0
     np.testing.assert_allclose(out.global_rotations()[:, 0, 1], np.sin(yaw / 2.0), atol=1e-4)
     assert abs(out.duration - 49 / 24.0) < 1 / 30.0

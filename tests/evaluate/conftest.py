@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interpose import rotation
-from interpose.io import bvh
+from interpose import io, rotation
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
@@ -43,5 +42,5 @@ def lafan1_like(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed, (name, frames) in enumerate(
         [("walk1_subject1", 140), ("fall1_subject5", 150), ("ground1_subject5", 131)]
     ):
-        bvh.write(folder / f"{name}.bvh", smooth_clip(frames, seed))
+        io.write(folder / f"{name}.bvh", smooth_clip(frames, seed))
     return folder

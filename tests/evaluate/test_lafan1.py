@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interpose import rotation
+from interpose import io, rotation
 from interpose.errors import InputError
 from interpose.evaluate import lafan1
-from interpose.io import bvh
 
 from .conftest import MakeClip
 
@@ -78,7 +77,7 @@ def test_only_transitions_that_do_not_fit_get_longer_windows(frames: int, window
 def test_read_splits_by_subject(lafan1_like: Path) -> None:
     data = lafan1.read(lafan1_like)
     assert [len(clip) for clip in data.clips] == [150, 131]
-    train = bvh.read(lafan1_like / "walk1_subject1.bvh")
+    train = io.read(lafan1_like / "walk1_subject1.bvh")
     np.testing.assert_array_equal(data.scale, lafan1.position_scale((train,)))
 
 
@@ -87,7 +86,7 @@ def test_read_says_what_the_folder_lacks(tmp_path: Path, make_clip: MakeClip) ->
         lafan1.read(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"no \*_subject1\.bvh to \*_subject4\.bvh"):
         lafan1.read(tmp_path)
-    bvh.write(tmp_path / "a_subject2.bvh", make_clip(60))
+    io.write(tmp_path / "a_subject2.bvh", make_clip(60))
     with pytest.raises(InputError, match=r"no \*_subject5\.bvh"):
         lafan1.read(tmp_path)
 

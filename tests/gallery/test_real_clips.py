@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from interpose import load_model, retarget
+from interpose import io, load_model, retarget
 from interpose.gallery import index, matching, scan, store
 from interpose.gallery.matching import Query
 from interpose.gallery.tracks import from_motions
 from interpose.gallery.windows import SHORTEST_WINDOW
-from interpose.io import bvh
 from interpose.motion import Motion, resample
 
 
 def on22(path, frames) -> Motion:
     """A part of a clip on the 22 joints at 30 Hz."""
-    clip = bvh.read(path)[frames]
+    clip = io.read(path)[frames]
     return resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interpose.io.bvh import default_layout
+from interpose.io.bvh_layout import default_layout
 from interpose.skeleton import HUMANOID
 
 TWO_JOINTS = """\

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import os
 import zipfile
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 from strategies import motions
 
-from interpose import retarget
+from interpose import io, retarget
 from interpose.errors import InputError
 from interpose.io import amass, grounding
 from interpose.motion import Motion
@@ -42,7 +42,7 @@ def arrays(frames: int = 3, width: int = 156, **more: Any) -> dict[str, Any]:
 
 
 def packed(content: dict[str, Any]) -> bytes:
-    out = io.BytesIO()
+    out = BytesIO()
     np.savez(out, **{name: value for name, value in content.items() if value is not None})
     return out.getvalue()
 
@@ -159,7 +159,7 @@ def test_any_kind_of_number_is_read(kind: str) -> None:
 def test_what_else_a_file_holds_is_not_looked_at(tmp_path: Path) -> None:
     """Pickled labels are common; they are left where they are."""
     np.savez_compressed(tmp_path / "clip.npz", **arrays(labels=np.array([{"a": 1}, None], dtype=object), betas=None))
-    assert len(amass.read(tmp_path / "clip.npz")) == 3
+    assert len(io.read(tmp_path / "clip.npz")) == 3
 
 
 @given(motion=motions(st.just(amass.SKELETON)))
@@ -242,7 +242,7 @@ def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> Non
 def test_pickled_objects_are_never_loaded(tmp_path: Path, key: str) -> None:
     np.savez(tmp_path / "clip.npz", **{**arrays(), key: pickled(tmp_path)})
     with pytest.raises(InputError, match=f"'{key}' holds pickled Python objects, which are never loaded"):
-        amass.read(tmp_path / "clip.npz")
+        io.read(tmp_path / "clip.npz")
     assert not (tmp_path / "sprung").exists()
 
 
@@ -281,14 +281,14 @@ def test_members_that_are_no_arrays_or_too_large_are_refused(monkeypatch: pytest
 
 def with_poses(raw: bytes) -> bytes:
     """A file whose 'poses' are these bytes."""
-    out = io.BytesIO(packed(arrays(poses=None)))
+    out = BytesIO(packed(arrays(poses=None)))
     with zipfile.ZipFile(out, "a") as archive:
         archive.writestr("poses.npy", raw)
     return out.getvalue()
 
 
 def npy(values: ndarray) -> bytes:
-    out = io.BytesIO()
+    out = BytesIO()
     np.save(out, values)
     return out.getvalue()
 
@@ -303,7 +303,7 @@ def test_a_header_that_does_not_fit_is_refused(shape: bytes) -> None:
 
 def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.npz: no such file"):
-        amass.read(tmp_path / "nowhere.npz")
+        io.read(tmp_path / "nowhere.npz")
 
 
 WHOLE = packed(arrays())

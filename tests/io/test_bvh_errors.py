@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from interpose import io
 from interpose.errors import InputError
-from interpose.io import bvh, bvh_read, files
 
 Save = Callable[[str | bytes], Path]
 Change = Callable[[str], str | bytes]
@@ -112,7 +112,7 @@ def test_says_what_is_wrong_and_where(case: str, newline: str, save: Save, two_j
         content = content.replace("\n", newline)
     path = save(content)
     with pytest.raises(InputError) as raised:
-        bvh.read(path)
+        io.read(path)
     message = str(raised.value)
     assert message.startswith(f"{path}: " + (f"line {line}: " if line else ""))
     assert words in message
@@ -129,27 +129,11 @@ def test_too_many_joints_are_refused_however_deep(save: Save) -> None:
         f"{'JOINT' if i else 'ROOT'} j{i}\n{{\nOFFSET 0 1 0\nCHANNELS 1 Xrotation\n" for i in range(100_000)
     )
     with pytest.raises(InputError, match=r"line 8002: more than 2000 joints"):
-        bvh.read(save(text))
-
-
-def test_what_is_no_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"absent\.bvh: no such file"):
-        bvh.read(tmp_path / "absent.bvh")
-    with pytest.raises(InputError, match="is a folder"):
-        bvh.read(tmp_path)
-    with pytest.raises(InputError, match="cannot be read"):
-        bvh.read("a\0b.bvh")
-
-
-def test_large_files_are_refused(save: Save, two_joints: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = save(two_joints)
-    monkeypatch.setattr(bvh_read, "read_whole", lambda path: files.read_whole(path, limit=2**8))
-    with pytest.raises(InputError, match="larger than 0 MB, cut it"):
-        bvh.read(path)
+        io.read(save(text))
 
 
 @pytest.mark.parametrize("blanks", [" ", "\t", "\n", "\r\n"])
 @pytest.mark.parametrize("place", ["ROOT", "OFFSET", "MOTION", "Frames", "Frame Time", "11.0"])
 def test_a_million_blanks_anywhere_do_no_harm(blanks: str, place: str, save: Save, two_joints: str) -> None:
-    motion = bvh.read(save(two_joints.replace(place, blanks * 1_000_000 + place, 1)))
+    motion = io.read(save(two_joints.replace(place, blanks * 1_000_000 + place, 1)))
     assert len(motion) == 2

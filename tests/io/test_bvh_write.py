@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import motions
 
-from interpose import rotation
+from interpose import io, rotation
 from interpose.io import bvh
+from interpose.io.layout import UnitLayout
 from interpose.motion import Motion, concatenate, resample
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -79,7 +80,7 @@ def test_verbatim_rows_keep_their_digits_and_others_are_made(humanoid_text: Call
     text = humanoid_text(6)
     clip, rows = bvh.parse(text.encode(), "clip"), rows_of(text.encode())
     turned = replace(clip, local_rotations=rotation.continuous(clip.local_rotations) * 1.0)
-    content = bvh.serialize(turned, verbatim={0: 2, 4: 5})
+    content = bvh.serialize(turned, unchanged_rows={0: 2, 4: 5})
     written = rows_of(content)
     assert (written[0], written[4]) == (rows[2], rows[5])
     assert len(written) == 6
@@ -92,11 +93,19 @@ def test_verbatim_rows_keep_their_digits_and_others_are_made(humanoid_text: Call
 def test_verbatim_must_fit(humanoid_text: Callable[..., str]) -> None:
     clip = bvh.parse(humanoid_text(3).encode(), "clip")
     with pytest.raises(ValueError, match="outside the 3 written or the 3 read"):
-        bvh.serialize(clip, verbatim={3: 0})
+        bvh.serialize(clip, unchanged_rows={3: 0})
     with pytest.raises(ValueError, match="outside the 3 written or the 3 read"):
-        bvh.serialize(clip, verbatim={0: -1})
+        bvh.serialize(clip, unchanged_rows={0: -1})
+    longer = replace(clip.skeleton, offsets=clip.skeleton.offsets * 2.0)
     with pytest.raises(ValueError, match="only where the motion has the skeleton"):
-        bvh.serialize(replace(clip, layout=None), verbatim={0: 0})
+        bvh.serialize(replace(clip, skeleton=longer), unchanged_rows={0: 0})
+
+
+def test_rows_of_a_motion_from_no_bvh_file_are_made(humanoid_text: Callable[..., str]) -> None:
+    clip = bvh.parse(humanoid_text(3).encode(), "clip")
+    for layout in (None, UnitLayout(1.0)):
+        bare = replace(clip, layout=layout)
+        assert bvh.serialize(bare, unchanged_rows={0: 0, 2: 1}) == bvh.serialize(bare)
 
 
 def test_values_that_are_not_finite_are_refused(two_joints: str) -> None:
@@ -196,7 +205,7 @@ def test_another_skeleton_gets_a_layout_of_its_own(two_joints: str) -> None:
 
 def test_the_default_layout_is_plain(tmp_path: Path) -> None:
     still = Motion(HUMANOID, np.array([[0.0, 0.9, 0.0]]), np.tile(rotation.IDENTITY, (1, 22, 1)), 30.0)
-    bvh.write(tmp_path / "still.bvh", still)
+    io.write(tmp_path / "still.bvh", still)
     lines = (tmp_path / "still.bvh").read_text().splitlines()
     assert lines[:6] == [
         "HIERARCHY",
@@ -208,7 +217,7 @@ def test_the_default_layout_is_plain(tmp_path: Path) -> None:
     ]
     assert sum("End Site" in line for line in lines) == 5
     assert lines[-1].startswith("0.000000 90.000000 0.000000 0.000000")
-    again = bvh.read(tmp_path / "still.bvh").skeleton
+    again = io.read(tmp_path / "still.bvh").skeleton
     assert (again.names, again.parents) == (HUMANOID.names, HUMANOID.parents)
     np.testing.assert_allclose(again.offsets, HUMANOID.offsets, rtol=0, atol=1e-8)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pygltflib
 import pytest
 
-from interpose import InputError, Motion, Skeleton, rotation
+from interpose import InputError, Motion, Skeleton, io, rotation
 from interpose.io import gltf
 from interpose.mannequin import figure
 from interpose.skeleton import HUMANOID
@@ -49,9 +49,9 @@ def values(document: pygltflib.GLTF2, index: int) -> np.ndarray:
     return flat.reshape(accessor.count, width)
 
 
-def node_matrices(document: pygltflib.GLTF2, name: str, frame: int) -> np.ndarray:
-    """World matrices of all nodes in a frame of an animation, worked out from the file alone."""
-    animation = next(a for a in document.animations if a.name == name)
+def node_matrices(document: pygltflib.GLTF2, frame: int) -> np.ndarray:
+    """World matrices of all nodes in a frame of the animation, worked out from the file alone."""
+    animation = document.animations[0]
     local = np.tile(np.eye(4), (len(document.nodes), 1, 1))
     for node, matrix in zip(document.nodes, local, strict=True):
         if node.rotation:
@@ -70,8 +70,8 @@ def node_matrices(document: pygltflib.GLTF2, name: str, frame: int) -> np.ndarra
     return world
 
 
-def skinned(document: pygltflib.GLTF2, name: str, frame: int) -> np.ndarray:
-    world = node_matrices(document, name, frame)
+def skinned(document: pygltflib.GLTF2, frame: int) -> np.ndarray:
+    world = node_matrices(document, frame)
     binds = values(document, document.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
     out = []
     for primitive in document.meshes[0].primitives:
@@ -88,23 +88,22 @@ def skinned(document: pygltflib.GLTF2, name: str, frame: int) -> np.ndarray:
 @pytest.mark.parametrize("skeleton", [HUMANOID, spider()], ids=["humanoid", "spider"])
 @pytest.mark.parametrize("moving", [False, True])
 def test_a_viewer_shows_each_frame_as_the_package_poses_it(tmp_path: Path, skeleton: Skeleton, moving: bool) -> None:
-    motions = {"first": some_motion(skeleton, 5, 1, moving), "second": some_motion(skeleton, 3, 2, moving)}
-    gltf.write(tmp_path / "out.glb", motions)
+    motion = some_motion(skeleton, 5, 1, moving)
+    io.write(tmp_path / "out.glb", motion, name="walk")
     document = pygltflib.GLTF2().load(str(tmp_path / "out.glb"))
     assert document is not None
-    assert [a.name for a in document.animations] == ["first", "second"]
-    shape = figure(motions["first"], 4)
-    for name, motion in motions.items():
-        for frame in range(len(motion)):
-            vertices, _ = shape.posed(motion.global_positions()[frame], motion.global_rotations()[frame])
-            used = [np.unique(shape.triangles[shape.sides == side]) for side in gltf.MATERIALS]
-            expected = vertices[np.concatenate(used)]
-            np.testing.assert_allclose(skinned(document, name, frame), expected, atol=2e-5)
+    assert [a.name for a in document.animations] == ["walk"]
+    shape = figure(motion, 4)
+    for frame in range(len(motion)):
+        vertices, _ = shape.posed(motion.global_positions()[frame], motion.global_rotations()[frame])
+        used = [np.unique(shape.triangles[shape.sides == side]) for side in gltf.MATERIALS]
+        expected = vertices[np.concatenate(used)]
+        np.testing.assert_allclose(skinned(document, frame), expected, atol=2e-5)
 
 
 def test_times_and_quaternions_are_those_of_the_motion(tmp_path: Path) -> None:
     motion = some_motion(HUMANOID, 7, 3)
-    gltf.write(tmp_path / "out.glb", motion)
+    io.write(tmp_path / "out.glb", motion)
     document = pygltflib.GLTF2().load(str(tmp_path / "out.glb"))
     assert document is not None
     animation = document.animations[0]
@@ -122,7 +121,7 @@ def test_times_and_quaternions_are_those_of_the_motion(tmp_path: Path) -> None:
 
 
 def test_positions_lie_within_their_stated_bounds(tmp_path: Path) -> None:
-    gltf.write(tmp_path / "out.glb", some_motion(spider(), 1, 4))
+    io.write(tmp_path / "out.glb", some_motion(spider(), 1, 4))
     document = pygltflib.GLTF2().load(str(tmp_path / "out.glb"))
     assert document is not None
     for primitive in document.meshes[0].primitives:
@@ -148,18 +147,14 @@ def test_surfaces_are_closed_and_face_outwards() -> None:
 def test_what_cannot_be_written_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     motion = some_motion(HUMANOID, 2, 5)
     out = tmp_path / "out.glb"
-    with pytest.raises(InputError, match="no motion"):
-        gltf.write(out, {})
-    with pytest.raises(InputError, match=r"'b' has another skeleton"):
-        gltf.write(out, {"a": motion, "b": some_motion(spider(), 2, 5)})
     with pytest.raises(InputError, match="no frames"):
-        gltf.write(out, motion[0:0])
+        io.write(out, motion[0:0])
     broken = some_motion(HUMANOID, 2, 5)
     broken.root_positions[1, 1] = np.nan
     with pytest.raises(InputError, match="not finite"):
-        gltf.write(out, broken)
+        io.write(out, broken)
     with pytest.raises(InputError, match="does not exist"):
-        gltf.write(tmp_path / "nowhere" / "out.glb", motion)
+        io.write(tmp_path / "nowhere" / "out.glb", motion)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -184,12 +179,12 @@ def validator(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize(("frames", "moving"), [(1, False), (9, False), (9, True)])
 @pytest.mark.parametrize("skeleton", [HUMANOID, spider()], ids=["humanoid", "spider"])
-def test_the_khronos_validator_has_nothing_to_say(
-    validator: Path, tmp_path: Path, skeleton: Skeleton, moving: bool
+def test_the_khronos_validator_reports_nothing(
+    validator: Path, tmp_path: Path, skeleton: Skeleton, frames: int, moving: bool
 ) -> None:
-    gltf.write(tmp_path / "out.glb", {"walk": some_motion(skeleton, 9, 6, moving), "one": some_motion(skeleton, 1, 7)})
+    io.write(tmp_path / "out.glb", some_motion(skeleton, frames, 6, moving))
     done = subprocess.run(
         ["node", "check.js", str(tmp_path / "out.glb")], cwd=validator, capture_output=True, text=True, check=True
     )

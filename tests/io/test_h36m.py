@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 from strategies import motions
 
-from interpose import retarget, rotation
+from interpose import io, retarget, rotation
 from interpose.errors import InputError
 from interpose.io import grounding, h36m
 from interpose.motion import Motion, concatenate
@@ -238,7 +238,7 @@ def test_the_humanoid_stands_in_its_t_pose() -> None:
 def test_blank_lines_a_mark_and_other_line_ends_do_not_matter(tmp_path: Path) -> None:
     text = text_of(t_pose())
     (tmp_path / "walking_1.txt").write_bytes(b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n") + b"\r\n \r\n")
-    motion = h36m.read(tmp_path / "walking_1.txt")
+    motion = io.read(tmp_path / "walking_1.txt")
     np.testing.assert_array_equal(motion.global_positions(), parsed(t_pose()).global_positions())
     spaced = h36m.parse(text.replace(b",", b", "), "walking_1.txt")
     np.testing.assert_array_equal(spaced.global_positions(), motion.global_positions())
@@ -286,7 +286,7 @@ def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> Non
 
 def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.txt: no such file"):
-        h36m.read(tmp_path / "nowhere.txt")
+        io.read(tmp_path / "nowhere.txt")
 
 
 WHOLE = text_of(t_pose(2))

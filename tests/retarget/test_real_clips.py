@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interpose import rotation
-from interpose.io import bvh
+from interpose import io, rotation
 from interpose.motion import Motion
 from interpose.retarget import Mapping, from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID
@@ -20,7 +19,7 @@ ENDS = ("LeftHand", "RightHand", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
 def clips(folder: Path, count: int, frames: int = 600) -> list[Motion]:
     """A few clips spread over the folder, thinned to about so many frames."""
     paths = sorted(folder.glob("*.bvh"))
-    chosen = [bvh.read(paths[k]) for k in np.linspace(0, len(paths) - 1, count).astype(int)]
+    chosen = [io.read(paths[k]) for k in np.linspace(0, len(paths) - 1, count).astype(int)]
     return [clip[:: max(1, len(clip) // frames)] for clip in chosen]
 
 
@@ -65,7 +64,7 @@ def test_lafan1_comes_back_the_same(lafan1_dir: Path) -> None:
 
 
 def test_lafan1_starts_in_the_t_pose_of_the_humanoid(lafan1_dir: Path) -> None:
-    clip = bvh.read(lafan1_dir / "dance1_subject1.bvh")[0]
+    clip = io.read(lafan1_dir / "dance1_subject1.bvh")[0]
     turns = rotation.angle(to_humanoid(clip, map_skeleton(clip)).global_rotations()[0])
     assert turns.max() < np.radians(30.0)
 
@@ -100,7 +99,7 @@ def test_bandai_namco_keeps_hands_feet_and_floor(bandai_dir: Path) -> None:
 
 @pytest.mark.parametrize("name", ["dance1_subject1", "walk4_subject1"])
 def test_lafan1_is_understood_without_its_names(lafan1_dir: Path, name: str) -> None:
-    clip = bvh.read(lafan1_dir / f"{name}.bvh")[::10]
+    clip = io.read(lafan1_dir / f"{name}.bvh")[::10]
     nameless = replace(clip.skeleton, names=tuple(f"joint{j}" for j in range(len(clip.skeleton))))
     mapping, known = map_skeleton(replace(clip, skeleton=nameless)), map_skeleton(clip)
     assert mapping.profile == "hierarchy"

@@ -17,7 +17,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 from studio_rigs import HOST, OWN, PORT, envelope, question, walk
 
-from interpose.io import bvh
+from interpose import io
 from interpose.studio import app as apps
 from interpose.studio import messages, pose_rows
 from interpose.studio import scheduler as desks
@@ -27,7 +27,7 @@ from interpose.studio.protocol import TOLD, Candidates, Failed, Opened, Posed, P
 from interpose.studio.rigs import Shelf
 from interpose.studio.sample import sample
 
-BVH = bvh.serialize(walk())
+BVH = io.serialize(walk(), "clip.bvh")
 FOREIGN = {**HOST, "origin": "http://evil.example"}
 
 
@@ -132,7 +132,7 @@ def test_a_motion_is_exported_its_claimed_rows_digit_for_digit(client: TestClien
     made, given = (data.decode().split("Frame Time:")[1].splitlines()[1:] for data in (answer.content, BVH))
     assert [made[0], made[1], made[3]] == [given[0], given[1], given[3]]
     assert made[2] != given[1]
-    again = bvh.parse(answer.content, "it")
+    again = io.parse(answer.content, "it")
     assert again.root_positions[2, 0] == pytest.approx(frames[2, 0], abs=1e-5)
 
 

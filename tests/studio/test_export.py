@@ -9,8 +9,8 @@ from numpy import ndarray
 from pygltflib import GLTF2
 from studio_rigs import envelope, moved, no_humanoid, opened, walk
 
+from interpose import io
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.motion import Motion
 from interpose.studio import messages, pose_rows
 from interpose.studio.export import EXPORT, export
@@ -55,7 +55,7 @@ def test_all_rows_of_a_file_give_the_file_again(text: str, clip: Clip) -> None:
 
 
 def test_a_file_that_animates_joints_comes_out_again() -> None:
-    text = bvh.serialize(moved(walk()))
+    text = io.serialize(moved(walk()), "clip.bvh")
     clip = Shelf().open(text, "moved.bvh")
     frames = pose_rows.of_motion(clip.motion)
     assert written(clip, frames, [(i, i) for i in range(len(frames))]) == text
@@ -73,7 +73,7 @@ def test_a_row_that_is_not_the_files_pose_any_more_is_not_passed_off(text: str, 
     made = lines(written(clip, frames, [(i, i) for i in range(20)]))
     given = lines(text.encode())
     assert [i for i in range(20) if made[i] != given[i]] == [7]
-    again = bvh.parse(written(clip, frames, [(7, 7)]), "it")
+    again = io.parse(written(clip, frames, [(7, 7)]), "it")
     shown = pose_rows.to_motion(frames, clip.motion, "it")
     np.testing.assert_allclose(again.global_positions(), shown.global_positions(), atol=1e-5)
 
@@ -105,7 +105,7 @@ def test_rows_far_from_the_origin_are_known_again_as_far_as_32_bits_tell() -> No
 
 def test_what_is_no_row_is_written_from_the_pose(clip: Clip) -> None:
     frames = pose_rows.of_motion(clip.motion)[:3]
-    again = bvh.parse(written(clip, frames, []), "it")
+    again = io.parse(written(clip, frames, []), "it")
     shown = pose_rows.to_motion(frames, clip.motion, "it")
     np.testing.assert_allclose(again.global_positions(), shown.global_positions(), atol=1e-5)
     assert again.rate == clip.motion.rate

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from studio_rigs import STAND, moved, walk
 
+from interpose import io
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.studio import pose_rows, projects
 from interpose.studio.protocol import Project
 from interpose.studio.rigs import Shelf
 
-TEXT = bvh.serialize(walk()).decode()
+TEXT = io.serialize(walk(), "clip.bvh").decode()
 ROW = pose_rows.of_motion(walk())
 
 
@@ -160,7 +160,7 @@ def test_the_last_keys_gap_is_for_nobody() -> None:
 
 
 def test_poses_are_those_of_the_sources_rig() -> None:
-    other = {"name": "moved.bvh", "text": bvh.serialize(moved(walk())).decode()}
+    other = {"name": "moved.bvh", "text": io.serialize(moved(walk()), "clip.bvh").decode()}
     assert "which are no poses of 628 bytes each" in refused(project(key(0, pose=coded(ROW[0])), source=other))
     read(project(key(0, pose=coded(pose_rows.of_motion(moved(STAND)))), source=other))
 

@@ -13,9 +13,9 @@ from retarget.characters import Rig as Character
 from strategies import motions
 from studio_rigs import STAND, moved, no_humanoid, opened, walk
 
+from interpose import io
 from interpose.data.contacts import JOINTS
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID, Skeleton
 from interpose.studio import pose_rows, rigs
@@ -26,7 +26,7 @@ from interpose.studio.rigs import Shelf, Unknown
 
 def file(number: int) -> bytes:
     motion = replace(STAND, root_positions=STAND.root_positions + np.array([float(number), 0.0, 0.0]))
-    return bvh.serialize(motion)
+    return io.serialize(motion, "clip.bvh")
 
 
 def told(motion: Motion) -> tuple[Rig, dict[str, ndarray]]:

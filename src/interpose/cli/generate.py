@@ -8,16 +8,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
+from interpose import io, parts
 from interpose import keys as key_text
-from interpose import parts
 from interpose.cli.commands import Options
 from interpose.cli.gallery import gallery_of
 from interpose.cli.output import output_paths, write_all
 from interpose.drawn_path import path_file
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.motion import Motion, concatenate
 from interpose.runtime import inbetween
 from interpose.runtime.interpolate import aligned
@@ -27,7 +24,7 @@ from interpose.runtime.request import METHODS, Info, Request
 
 def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
     paths = _outputs(options)
-    source = bvh.read(clip)
+    source = io.read(clip)
     chosen = key_text.parse_keys(keys, len(source))
     filled = inbetween.fill(source, chosen, _request(options, retime), variants=options.variants, retime=retime)
     _write(paths, [f.motion for f in filled], [f.kept for f in filled])
@@ -47,7 +44,9 @@ def between(start: str, target: str, frames: int | None, options: Options, targe
         variants=options.variants,
         names=(f"{first.file}:{first.frame}", f"{last.file}:{last.frame}"),
     )
-    layout, fits = _two_rows(first, last)
+    layout, fits = first.pose.layout, False
+    if layout is not None:
+        layout, fits = layout.joined(first.frame, last.pose.layout, last.frame)
     fits &= all(c.target is None for c in made)
     keys = aligned(replace(first.pose, layout=layout), last.pose)
     ends = [keys[1] if c.target is None else aligned(keys[0], c.target)[1] for c in made]
@@ -95,36 +94,13 @@ class Pose:
 def pose(text: str, default: int) -> Pose:
     """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
     name, frame = (text, None) if Path(text).is_file() else key_text.parse_pose(text)
-    clip = bvh.read(name)
+    clip = io.read(name)
     number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
     return Pose(clip[number], name, number)
 
 
-def _two_rows(first: Pose, last: Pose) -> tuple[bvh.BvhLayout, bool]:
-    """The start's layout with the text of both poses' rows, and whether the target's is among them.
-
-    It fits where its file has the same channels and unit; otherwise its numbers are written anew.
-    """
-    a, b = first.pose.layout, last.pose.layout
-    assert isinstance(a, bvh.BvhLayout)
-    assert isinstance(b, bvh.BvhLayout)
-    rows = [a.row(first.frame)]
-    fits = a.channels == b.channels and a.metres_per_unit == b.metres_per_unit and np.array_equal(a.offsets, b.offsets)
-    if fits:
-        rows.append(b.row(last.frame))
-    return replace(a, rows="\n".join(rows).encode()), fits
-
-
-def _write(paths: Sequence[Path], motions: Sequence[Motion], verbatim: Sequence[dict[int, int]]) -> None:
-    def write(i: int, path: Path) -> None:
-        if path.suffix.lower() == ".glb":
-            from interpose.io import gltf
-
-            gltf.write(path, [motions[i]])
-        else:
-            bvh.write(path, motions[i], verbatim=verbatim[i])
-
-    write_all(paths, write)
+def _write(paths: Sequence[Path], motions: Sequence[Motion], unchanged_rows: Sequence[dict[int, int]]) -> None:
+    write_all(paths, lambda i, path: io.write(path, motions[i], unchanged_rows[i]))
 
 
 def _report(paths: Sequence[Path], told: Sequence[Sequence[Info]], as_json: bool) -> None:

@@ -7,9 +7,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from interpose import retarget
+from interpose import io, retarget
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.motion import Motion
 
 
@@ -18,7 +17,7 @@ def info(files: Sequence[str], as_json: bool) -> int:
     status = 0
     for name in files:
         try:
-            told = describe(name, bvh.read(name))
+            told = describe(name, io.read(name))
         except InputError as error:
             print(f"interpose: {error}", file=sys.stderr, flush=True)
             status = 1
@@ -33,14 +32,12 @@ def describe(name: str, clip: Motion) -> dict[str, Any]:
         mapping, problem = retarget.map_skeleton(clip), None
     except InputError as error:
         mapping, problem = None, str(error)
-    layout = clip.layout
-    assert isinstance(layout, bvh.BvhLayout)
     return {
         "file": name,
         "joints": len(clip.skeleton),
         "frames": len(clip),
         "rate": clip.rate,
-        "unit_m": layout.metres_per_unit,
+        "unit_m": 1.0 if clip.layout is None else clip.layout.metres_per_unit,
         "duration_s": clip.duration,
         "profile": None if mapping is None else mapping.profile,
         "mapping": None if mapping is None else mapping.pairs(),

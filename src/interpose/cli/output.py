@@ -8,8 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from interpose.errors import InputError
-
-SUFFIXES = (".bvh", ".glb")
+from interpose.io.registry import writer_of
 
 
 def output_paths(out: str, variants: int) -> list[Path]:
@@ -18,8 +17,7 @@ def output_paths(out: str, variants: int) -> list[Path]:
     Raises InputError, before any work is done, where the suffix is not known or the folder cannot be written to.
     """
     path = Path(out)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{out}: the output's name must end in {' or '.join(SUFFIXES)}")
+    writer_of(out)
     if not path.parent.is_dir():
         raise InputError(f"{out}: there is no folder {path.parent}; create it first")
     paths = [path] if variants == 1 else [path.with_stem(f"{path.stem}-{i}") for i in range(1, variants + 1)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from interpose import io
 from interpose.errors import InputError
-from interpose.io import bvh
-from interpose.io.files import read_whole
+from interpose.io.files import encoding_of, read_whole
 from interpose.studio import front, projects
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Source
 from interpose.studio.rigs import Shelf
@@ -30,6 +30,5 @@ def read(clip: str | None) -> Opened:
     data = read_whole(clip, LARGEST_UPLOAD)
     if Path(clip).suffix.lower() == ".interpose":
         return Opened(source=None, project=projects.read(data, Shelf(), clip))
-    layout = bvh.parse(data, clip).layout
-    assert isinstance(layout, bvh.BvhLayout)
-    return Opened(source=Source(name=name[:120], text=data.decode(layout.encoding)), project=None)
+    io.parse(data, clip)
+    return Opened(source=Source(name=name[:120], text=data.decode(encoding_of(data))), project=None)

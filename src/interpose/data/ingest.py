@@ -17,7 +17,7 @@ import shutil
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
@@ -36,14 +36,11 @@ from interpose.data import contacts, database, root, sources
 from interpose.data.database import RATE, ClipArrays, ClipInfo, Database
 from interpose.data.sources import CUT_RATE, SourceClip
 from interpose.errors import InputError
-from interpose.io import amass, bvh, h36m
+from interpose.io import read
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 
 MIN_FRAMES = 2
-READERS: dict[str, Callable[[Path], Motion]] = {".bvh": bvh.read, ".npz": amass.read, ".txt": h36m.read}
-"""What reads the files of a data set, by their suffix (`interpose.data.sources.Kind`)."""
-
 FLOOR_TOLERANCE = 0.03
 """Metres by which the floor of a clip may be off before it is corrected; planted feet of sound data vary by 2 cm."""
 
@@ -249,7 +246,7 @@ def _make_part(clip: SourceClip, part: Path) -> str | None:
                 file = Path(folder) / PurePosixPath(clip.source.member).name
                 file.write_bytes(clip.source.read_bytes())
             try:
-                info, arrays = convert(READERS[file.suffix.lower()](file), clip)
+                info, arrays = convert(read(file), clip)
             except InputError as error:
                 return str(error).replace(str(file), clip.source.name)
         content = io.BytesIO()

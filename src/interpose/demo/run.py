@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from interpose import retarget
+from interpose import io, retarget
 from interpose.demo.scenes import Scene, scenes
 from interpose.errors import InputError
-from interpose.io import bvh, gltf
 from interpose.motion import concatenate
 from interpose.render import SheetRow, compose, draw_rows, save
 from interpose.runtime.model import Model, load_model
@@ -62,8 +61,8 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
         )[0]
         whole = concatenate(scene.start, candidate.motion, scene.target)
         bvh_file, glb_file, png_file = (folder / f"{scene.name}{suffix}" for suffix in (".bvh", ".glb", ".png"))
-        bvh.write(bvh_file, whole)
-        gltf.write(glb_file, {scene.name: whole})
+        io.write(bvh_file, whole)
+        io.write(glb_file, whole, name=scene.name)
         made.append(Made(scene, candidate.info, (bvh_file, glb_file, png_file)))
         rows.append(SheetRow(whole, scene.style, _notes(scene, candidate.info)))
     pictures = draw_rows(rows)

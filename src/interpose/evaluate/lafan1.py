@@ -22,10 +22,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from interpose import rotation
+from interpose import io, rotation
 from interpose import skeleton as kinematics
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -90,7 +89,7 @@ def _clips(folder: Path, subjects: tuple[str, ...]) -> tuple[Motion, ...]:
         raise InputError(f"{folder} holds no {wanted}; give the folder of LaFAN1's own BVH files")
     clips = []
     for path in paths:
-        clip = bvh.read(path)
+        clip = io.read(path)
         if len(clip.skeleton) != JOINTS or clip.skeleton.names[0] != "Hips":
             joints = len(clip.skeleton)
             raise InputError(f"{path} has {joints} joints and is not on LaFAN1's skeleton; remove it from the folder")

@@ -1,30 +1,19 @@
-"""Files to and from :class:`~interpose.motion.Motion`: the only place with degrees, centimetres and other axes."""
+"""Motion files, the only code with degrees, centimetres and other axes; `interpose.io.registry` lists the formats."""
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-from interpose.errors import InputError
-from interpose.io import bvh
-from interpose.motion import Motion
-
-
-def read(path: str | os.PathLike[str]) -> Motion:
-    """The motion in a file, by its suffix (.bvh). Raises InputError where it cannot be read."""
-    if Path(path).suffix.lower() != ".bvh":
-        raise InputError(f"{path}: only .bvh files can be read")
-    return bvh.read(path)
+if TYPE_CHECKING:
+    from interpose.io.motion_files import parse as parse
+    from interpose.io.motion_files import read as read
+    from interpose.io.motion_files import serialize as serialize
+    from interpose.io.motion_files import write as write
 
 
-def write(path: str | os.PathLike[str], motion: Motion) -> None:
-    """Writes a motion in the format of the path's suffix (.bvh, .glb). Raises InputError where that cannot be done."""
-    match Path(path).suffix.lower():
-        case ".bvh":
-            bvh.write(path, motion)
-        case ".glb":
-            from interpose.io import gltf
-
-            gltf.write(path, [motion])
-        case _:
-            raise InputError(f"{path}: only .bvh and .glb files can be written")
+def __getattr__(name: str) -> object:
+    # Imported at first use: the command line's help needs the registry alone, not NumPy.
+    if name not in ("parse", "read", "serialize", "write"):
+        raise AttributeError(f"module 'interpose.io' has no attribute '{name}'")
+    return getattr(import_module("interpose.io.motion_files"), name)

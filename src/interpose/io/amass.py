@@ -19,8 +19,8 @@ height comes from the lowest toe.
 from __future__ import annotations
 
 import io
-import os
 import warnings
+import zipfile
 from collections.abc import Callable
 from typing import Any
 
@@ -31,7 +31,8 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.io import grounding
-from interpose.io.files import MAX_BYTES, read_whole
+from interpose.io.files import MAX_BYTES
+from interpose.io.layout import UnitLayout
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -90,22 +91,28 @@ _JOINTS = len(SKELETON)
 _Z_UP = rotation.from_rotation_vector(np.array([-np.pi / 2.0, 0.0, 0.0]))  # turns AMASS's world into ours
 
 
-def read(path: str | os.PathLike[str]) -> Motion:
-    """The motion in an AMASS file, on :data:`SKELETON` in the performer's size: metres, Y up, the floor at y = 0.
-
-    Raises InputError for a file that holds no whole motion of a body. Pickled objects are never loaded.
-    """
-    return parse(read_whole(path), os.fspath(path))
+def recognises(data: bytes) -> bool:
+    """Whether the bytes are an archive with the pose parameters of a body model."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = {name.removesuffix(".npy") for name in archive.namelist()}
+    except Exception:  # zipfile raises anything on damaged bytes
+        return False
+    return "poses" in names or names >= {"root_orient", "pose_body"}
 
 
 def parse(data: bytes, name: str) -> Motion:
-    """What :func:`read` makes of a file with these bytes; ``name`` stands for the path in messages."""
+    """The motion in an AMASS file, on :data:`SKELETON` in the performer's size: metres, Y up, the floor at y = 0.
+
+    ``name`` stands for the path in messages. Raises InputError for a file that holds no whole motion of a body. Pickled
+    objects are never loaded.
+    """
     if not data:
         raise InputError(f"{name}: the file is empty")
     turns, place, rate = _contents(data, name)
     turned = rotation.from_rotation_vector(turns)
     turned[:, 0] = rotation.multiply(_Z_UP, turned[:, 0])
-    motion = Motion(SKELETON, rotation.rotate(_Z_UP, place), rotation.continuous(turned), rate)
+    motion = Motion(SKELETON, rotation.rotate(_Z_UP, place), rotation.continuous(turned), rate, layout=UnitLayout(1.0))
     return grounding.grounded(motion, TOES)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from dataclasses import dataclass, field
 from typing import NoReturn
 
 from interpose.errors import InputError
 from interpose.io.bvh_layout import CHANNELS
+from interpose.io.files import encoding_of
 
 MAX_JOINTS = 2000
 LARGEST = 1e9
@@ -64,10 +66,8 @@ def shown(text: bytes) -> str:
 
 def parse_header(source: Source) -> Header:
     """Reads up to the frame time. Raises InputError where the file departs from the format, with the line."""
-    bom = source.data.startswith(b"\xef\xbb\xbf")
-    hierarchy, end, encoding = _parse_hierarchy(source, 3 if bom else 0)
-    if bom and encoding == "utf-8":
-        encoding = "utf-8-sig"
+    start = len(codecs.BOM_UTF8) if source.data.startswith(codecs.BOM_UTF8) else 0
+    hierarchy, end, encoding = _parse_hierarchy(source, start)
     frames = _FRAMES.match(source.data, end)
     if frames is None:
         source.fail(end, "'Frames: COUNT' must follow MOTION")
@@ -163,7 +163,7 @@ def _parse_hierarchy(source: Source, start: int) -> tuple[Hierarchy, int, str]:
             tokens.fail(f"OFFSET, CHANNELS, JOINT, End Site or '}}' expected, found {shown(token)}")
     if not any(out.channels):
         tokens.fail("no joint has a channel, so the file holds no motion")
-    encoding = _encoding(source.data[: tokens.position])
+    encoding = encoding_of(source.data[: tokens.position])
     out.names.extend(name.decode(encoding) for name in index)
     return out, tokens.position + len(b"MOTION"), encoding
 
@@ -197,14 +197,6 @@ def _parse_channels(tokens: _Tokens) -> tuple[str, ...]:
             tokens.fail(f"channel {name} is given twice")
         names.append(name)
     return tuple(names)
-
-
-def _encoding(text: bytes) -> str:
-    try:
-        text.decode("utf-8")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8"
 
 
 def parse_number(source: Source, text: bytes, position: int) -> float:

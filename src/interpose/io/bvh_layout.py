@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from interpose.motion import SourceLayout
 from interpose.skeleton import Skeleton
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
@@ -63,10 +64,26 @@ class BvhLayout:
         count = self.channel_count
         return np.stack([starts[::count], ends[count - 1 :: count]], axis=1)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of ``rows``."""
+        return len(self.rows)
+
     def row(self, frame: int) -> str:
         """The text of one row of the file, digit for digit."""
         start, end = self.row_bounds[frame]
         return self.rows[start:end].decode("ascii")
+
+    def joined(self, frame: int, other: SourceLayout | None, other_frame: int) -> tuple[BvhLayout, bool]:
+        """See :meth:`SourceLayout.joined <interpose.motion.SourceLayout.joined>`."""
+        rows = [self.row(frame)]
+        if (
+            isinstance(other, BvhLayout)
+            and (self.channels, self.metres_per_unit) == (other.channels, other.metres_per_unit)
+            and np.array_equal(self.offsets, other.offsets)
+        ):
+            rows.append(other.row(other_frame))
+        return replace(self, rows="\n".join(rows).encode()), len(rows) == 2
 
 
 def default_layout(skeleton: Skeleton, joint_positions: bool = False) -> BvhLayout:

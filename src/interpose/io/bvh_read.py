@@ -12,7 +12,7 @@ to be in centimetres.
 
 from __future__ import annotations
 
-import os
+import re
 from decimal import Decimal
 
 import numpy as np
@@ -24,7 +24,6 @@ from interpose.io.bvh_channels import decode
 from interpose.io.bvh_header import Header, Source, parse_header
 from interpose.io.bvh_layout import BvhLayout
 from interpose.io.bvh_rows import parse_rows
-from interpose.io.files import read_whole
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -32,20 +31,21 @@ _COMMON_RATES = (30, 60, 120, 24, 25, 50, 48, 90, 100, 15, 10, 12, 20, 72, 75, 1
 _NTSC_RATES = tuple(rate * 1000 / 1001 for rate in (30, 60, 24, 120))
 _UNITS = (0.001, 0.01, 0.0254, 0.0254 / 0.45)
 _ADULT_REACH = 2.3
+_START = re.compile(rb"(?:\xef\xbb\xbf)?\s*HIERARCHY\b", re.IGNORECASE)
 
 
-def read(path: str | os.PathLike[str], metres_per_unit: float | None = None) -> Motion:
-    """The motion in a BVH file, in metres, with its :class:`BvhLayout`.
+def recognises(data: bytes) -> bool:
+    """Whether a file starts as BVH files do, with HIERARCHY."""
+    return _START.match(data) is not None
+
+
+def parse(data: bytes, name: str, metres_per_unit: float | None = None) -> Motion:
+    """The motion in a BVH file, in metres, with its :class:`BvhLayout`; ``name`` stands for the path in messages.
 
     ``metres_per_unit`` overrides the unit found from the skeleton's size. The root's offset is zero in the skeleton;
     where no position channel replaces it, it is in ``root_positions``. Raises InputError, with the line where there
     is one, for a file that does not hold a whole motion.
     """
-    return parse(read_whole(path), os.fspath(path), metres_per_unit)
-
-
-def parse(data: bytes, name: str, metres_per_unit: float | None = None) -> Motion:
-    """What :func:`read` makes of a file with these bytes; ``name`` stands for the path in messages."""
     if not data or data.isspace():
         raise InputError(f"{name}: the file is empty")
     if b"\0" in data:

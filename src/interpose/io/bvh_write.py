@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,36 +13,28 @@ from interpose.io.bvh_channels import decode, encode
 from interpose.io.bvh_layout import BvhLayout, default_layout
 from interpose.io.bvh_read import rate_of
 from interpose.io.bvh_rows import parse_numbers
-from interpose.io.files import write_whole
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
 
-def write(path: str | os.PathLike[str], motion: Motion, verbatim: Mapping[int, int] | None = None) -> None:
-    """Writes a motion as BVH, the file whole or absent.
+def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, name: str = "motion") -> bytes:
+    """A motion as BVH; for ``unchanged_rows`` see :func:`interpose.io.write`, ``name`` is not written.
 
     A motion that was read from BVH and still has that skeleton gets the file's own hierarchy, channels, unit and line
-    ends; any other :func:`~interpose.io.bvh_layout.default_layout`. ``verbatim[i] = f`` gives frame i the text of the
-    source file's row f, digit for digit. Without ``verbatim`` every frame whose pose is, to the last bit, that of a row
-    of the source file gets that row's text. Other rows get Euler angles as near to the row before as can be.
+    ends; any other :func:`~interpose.io.bvh_layout.default_layout`. Rows that are not kept get the Euler angles closest
+    to the row before.
 
-    Raises InputError where the path cannot be written, ValueError for poses that are not finite or a ``verbatim`` that
-    does not fit.
+    Raises ValueError for poses that are not finite, and for ``unchanged_rows`` that do not fit the motion or its file.
     """
-    write_whole(path, serialize(motion, verbatim))
-
-
-def serialize(motion: Motion, verbatim: Mapping[int, int] | None = None) -> bytes:
-    """The bytes of the file that :func:`write` writes."""
     if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.local_rotations).all()):
         raise ValueError("the motion has values that are not finite")
-    layout = motion.layout if isinstance(motion.layout, BvhLayout) and _fits(motion.layout, motion.skeleton) else None
-    if layout is None:
-        if verbatim:
+    layout = motion.layout
+    if not isinstance(layout, BvhLayout) or not _fits(layout, motion.skeleton):
+        if unchanged_rows and isinstance(layout, BvhLayout):
             raise ValueError("rows can be kept only where the motion has the skeleton of the BVH file it came from")
-        motion = _depth_first(motion)
+        motion, unchanged_rows = _depth_first(motion), {}
         layout = default_layout(motion.skeleton, motion.translations is not None)
-    kept = _same_rows(layout, motion) if verbatim is None else verbatim
+    kept = _same_rows(layout, motion) if unchanged_rows is None else unchanged_rows
     rows = _rows(layout, motion, kept)
     time = layout.frame_time
     if not time or rate_of(time) != motion.rate:
@@ -103,7 +94,9 @@ def _pose_bytes(
 def _rows(layout: BvhLayout, motion: Motion, kept: Mapping[int, int]) -> list[str]:
     frames = len(motion)
     if any(not 0 <= out < frames or not 0 <= frame < len(layout.row_bounds) for out, frame in kept.items()):
-        raise ValueError(f"verbatim names frames outside the {frames} written or the {len(layout.row_bounds)} read")
+        raise ValueError(
+            f"unchanged_rows names frames outside the {frames} written or the {len(layout.row_bounds)} read"
+        )
     rows = [layout.row(kept[i]) if i in kept else "" for i in range(frames)]
     made = np.array([i not in kept for i in range(frames)])
     edges = np.flatnonzero(np.diff(made, prepend=False, append=False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 from pathlib import Path
 
@@ -28,6 +29,15 @@ def read_whole(path: str | os.PathLike[str], limit: int = MAX_BYTES) -> bytes:
     if len(data) > limit:
         raise InputError(f"{path}: larger than {limit / 2**20:.0f} MB, cut it into shorter clips")
     return data
+
+
+def encoding_of(text: bytes) -> str:
+    """UTF-8, with a byte order mark where there is one, or Latin-1 for bytes that are not UTF-8."""
+    try:
+        text.decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig" if text.startswith(codecs.BOM_UTF8) else "utf-8"
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes) -> None:

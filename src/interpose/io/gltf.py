@@ -1,4 +1,4 @@
-"""Motions as binary glTF 2.0 (.glb): a skinned mannequin with one animation a motion.
+"""Writing a motion as binary glTF 2.0 (.glb): a skinned mannequin with one animation.
 
 The specification is Khronos glTF 2.0, sections 3.6 (buffers), 3.7.3 (skins) and 3.11 (animations). Joints are nodes
 whose bind pose is the skeleton's rest pose, so an inverse bind matrix is a translation; every vertex belongs to one
@@ -7,9 +7,8 @@ joint. glTF's units and axes are those of this package: metres, Y up, quaternion
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from os import PathLike
 
 import numpy as np
 import pygltflib as gltf
@@ -17,7 +16,6 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.errors import InputError
-from interpose.io.files import write_whole
 from interpose.mannequin import LEFT, MIDDLE, RIGHT, figure
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
@@ -27,49 +25,30 @@ MATERIALS = {
     LEFT: ("left", (0.68, 0.50, 0.36)),
     RIGHT: ("right", (0.42, 0.44, 0.42)),
 }
-"""Name and linear base colour of each side of the figure."""
+"""Name and linear base colour of each side of the mannequin."""
+
+_DETAIL = 4
+"""A quarter of the vertices around a limb."""
 
 
-def write(
-    path: str | PathLike[str], motions: Motion | Sequence[Motion] | Mapping[str, Motion], detail: int = 4
-) -> None:
-    """Writes one motion, or several of one skeleton, as a .glb file.
+def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, name: str = "motion") -> bytes:
+    """A motion as the bytes of a .glb file; ``name`` is the animation's, ``unchanged_rows`` has no effect.
 
-    A mapping gives the animations their names; without one they are "motion", or "motion 1", "motion 2", and so on.
-    The figure rests in the first motion's first pose. ``detail`` is a quarter of the vertices around a limb.
-    Raises InputError for no motions, a motion without frames or with values that are not finite, motions of different
-    skeletons, or an unwritable path.
+    The mannequin rests in the first pose. Raises InputError for a motion without frames or with values that are not
+    finite.
     """
-    if isinstance(motions, Motion):
-        named = {"motion": motions}
-    elif isinstance(motions, Mapping):
-        named = dict(motions)
-    else:
-        named = {f"motion {k}" if len(motions) > 1 else "motion": m for k, m in enumerate(motions, start=1)}
-    write_whole(path, encode(named, detail))
-
-
-def encode(motions: Mapping[str, Motion], detail: int = 4) -> bytes:
-    """The bytes of the .glb file; see :func:`write`."""
-    if not motions:
-        raise InputError("there is no motion to write as glTF; give at least one")
-    first = next(iter(motions.values()))
-    for name, motion in motions.items():
-        if len(motion) == 0:
-            raise InputError(f"motion {name!r} has no frames; glTF needs at least one")
-        if motion.skeleton != first.skeleton:
-            raise InputError(f"motion {name!r} has another skeleton than the first; write it to a file of its own")
-        if not all(np.isfinite(x).all() for x in (motion.root_positions, motion.local_rotations, _moved(motion))):
-            raise InputError(f"motion {name!r} holds values that are not finite; repair or cut them before writing")
+    if len(motion) == 0:
+        raise InputError(f"motion {name!r} has no frames; glTF needs at least one")
+    moved = motion.root_positions if motion.translations is None else motion.translations
+    if not all(np.isfinite(x).all() for x in (motion.root_positions, motion.local_rotations, moved)):
+        raise InputError(f"motion {name!r} holds values that are not finite; repair or cut them before writing")
     document = _Document()
-    joints = len(first.skeleton)
-    document.content.nodes = _nodes(first)
-    document.content.nodes.append(gltf.Node(name="Figure", mesh=0, skin=0))
-    document.content.scenes = [gltf.Scene(name="Scene", nodes=[0, joints])]
+    document.content.nodes = _nodes(motion)
+    document.content.nodes.append(gltf.Node(name="Mannequin", mesh=0, skin=0))
+    document.content.scenes = [gltf.Scene(name="Scene", nodes=[0, len(motion.skeleton)])]
     document.content.scene = 0
-    _add_figure(document, first, detail)
-    for name, motion in motions.items():
-        _add_animation(document, name, motion)
+    _add_mannequin(document, motion)
+    _add_animation(document, name, motion)
     return document.finish()
 
 
@@ -117,10 +96,6 @@ _COMPONENTS = {
 }
 
 
-def _moved(motion: Motion) -> ndarray:
-    return motion.root_positions if motion.translations is None else motion.translations
-
-
 def _unit(q: ndarray) -> ndarray:
     return (q / np.linalg.norm(q, axis=-1, keepdims=True)).astype(np.float32)
 
@@ -149,9 +124,9 @@ def _rest(skeleton: Skeleton) -> ndarray:
     return rest
 
 
-def _add_figure(document: _Document, motion: Motion, detail: int) -> None:
+def _add_mannequin(document: _Document, motion: Motion) -> None:
     """The mesh in the rest pose, one primitive a side of the body, and the skin that ties it to the joints."""
-    shape, rest = figure(motion, detail), _rest(motion.skeleton)
+    shape, rest = figure(motion, _DETAIL), _rest(motion.skeleton)
     index = np.uint8 if len(rest) < 256 else np.uint16
     primitives = []
     for side, (name, colour) in MATERIALS.items():
@@ -180,12 +155,12 @@ def _add_figure(document: _Document, motion: Motion, detail: int) -> None:
         )
         surface = gltf.PbrMetallicRoughness(baseColorFactor=[*colour, 1.0], metallicFactor=0.0, roughnessFactor=0.55)
         document.content.materials.append(gltf.Material(name=name, pbrMetallicRoughness=surface, alphaMode=gltf.OPAQUE))
-    document.content.meshes = [gltf.Mesh(name="Figure", primitives=primitives)]
+    document.content.meshes = [gltf.Mesh(name="Mannequin", primitives=primitives)]
     binds = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
     binds[:, 3, :3] = -rest  # glTF stores matrices by columns: the last row here is the translation
     document.content.skins = [
         gltf.Skin(
-            name="Figure",
+            name="Mannequin",
             skeleton=0,
             joints=list(range(len(rest))),
             inverseBindMatrices=document.add(binds.reshape(-1, 16), gltf.MAT4),

@@ -21,7 +21,7 @@ Height and the performer's size come from `interpose.io.grounding`.
 
 from __future__ import annotations
 
-import os
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.io import grounding
-from interpose.io.files import read_whole
+from interpose.io.layout import UnitLayout
 from interpose.motion import Motion, from_global, velocities
 from interpose.skeleton import Skeleton
 
@@ -99,16 +99,19 @@ _NECK = SKELETON.index("Neck")
 _ANKLES = [SKELETON.index("LeftFoot"), SKELETON.index("RightFoot")]
 
 
-def read(path: str | os.PathLike[str]) -> Motion:
-    """The motion in a file of exponential maps, on :data:`SKELETON` in the performer's size: metres, Y up, floor at 0.
-
-    Raises InputError, with the line where there is one, for a file that holds no whole motion.
-    """
-    return parse(read_whole(path), os.fspath(path))
+def recognises(data: bytes) -> bool:
+    """Whether the first line that is not blank holds 99 numbers."""
+    head = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:10_000]
+    fields = re.split(rb"[\r\n]", head, maxsplit=1)[0].decode(errors="replace").split(",")
+    return len(fields) == COLUMNS and all(map(_is_number, fields))
 
 
 def parse(data: bytes, name: str) -> Motion:
-    """What :func:`read` makes of a file with these bytes; ``name`` stands for the path in messages."""
+    """The motion in a file of exponential maps, on :data:`SKELETON` in the performer's size: metres, Y up, floor at 0.
+
+    ``name`` stands for the path in messages. Raises InputError, with the line where there is one, for a file that holds
+    no whole motion.
+    """
     rows = _rows(data, name)
     steps, turns = rows[:, :3] * _MILLIMETRE, rotation.from_rotation_vector(-rows[:, 3:].reshape(-1, 32, 3))
     place, facing = _path(steps, turns[:, 0])
@@ -118,7 +121,8 @@ def parse(data: bytes, name: str) -> Motion:
     world = rotation.multiply(posed.global_rotations(), rotation.inverse(_REST))
     motion = from_global(SKELETON, place, world, RATE)
     motion = _stood_up(motion, _stretched(motion))
-    return grounding.grounded(_stood_up(motion, up(motion)), TOES)
+    grounded = grounding.grounded(_stood_up(motion, up(motion)), TOES)
+    return replace(grounded, layout=UnitLayout(_MILLIMETRE))
 
 
 def up(motion: Motion) -> Float[ndarray, "3"]:

@@ -8,9 +8,8 @@ import numpy as np
 from numpy import ndarray
 from pydantic import TypeAdapter
 
-from interpose import rotation
+from interpose import io, rotation
 from interpose.errors import InputError
-from interpose.io import bvh, gltf
 from interpose.motion import Motion
 from interpose.studio import pose_rows
 from interpose.studio.protocol import Export
@@ -31,9 +30,7 @@ def export(asked: Export, arrays: Mapping[str, ndarray], clip: Clip) -> bytes:
     if set(arrays) != {"frames"}:
         raise InputError("an export has one array, frames")
     motion = pose_rows.to_motion(arrays["frames"], clip.motion, "the motion")
-    if asked.format == "glb":
-        return gltf.encode({"motion": motion})
-    return bvh.serialize(motion, _same(asked.rows, motion, clip.motion))
+    return io.serialize(motion, f"motion.{asked.format}", _same(asked.rows, motion, clip.motion))
 
 
 def _same(named: list[tuple[int, int]], motion: Motion, source: Motion) -> dict[int, int]:

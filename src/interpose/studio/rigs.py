@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy import ndarray
 
-from interpose import retarget
+from interpose import io, retarget
 from interpose.data.contacts import JOINTS, REST_HEIGHTS
 from interpose.errors import InputError
-from interpose.io import bvh
 from interpose.mannequin import figure
 from interpose.motion import Motion
 from interpose.rotation import rotate
@@ -57,7 +56,7 @@ class Clip:
         """Bytes, about."""
         motion = self.motion
         arrays = [motion.root_positions, motion.local_rotations, motion.translations]
-        layout = len(motion.layout.rows) if isinstance(motion.layout, bvh.BvhLayout) else 0
+        layout = 0 if motion.layout is None else motion.layout.nbytes
         return layout + sum(array.nbytes for array in arrays if array is not None)
 
 
@@ -77,7 +76,7 @@ class Shelf:
             return self.get(known)
         except Unknown:
             pass
-        motion = bvh.parse(data, name)
+        motion = io.parse(data, name)
         clip = Clip(known, motion, mapping_of(motion))
         with self._lock:
             self._kept[known] = clip

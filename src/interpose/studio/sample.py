@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
+from interpose import io
 from interpose.demo import poses
 from interpose.demo.poses import Pose
-from interpose.io import bvh
 from interpose.motion import concatenate
 from interpose.studio.protocol import GapSettings, Project, ProjectKey, Source
 
@@ -36,7 +36,7 @@ _KEYS = (
 def sample() -> Project:
     """The scene as a project; its source has a frame a key."""
     clip = concatenate(*(poses.pose(key.pose, key.ground, key.heading) for key in _KEYS))
-    text = bvh.serialize(clip).decode()
+    text = io.serialize(clip, "sample.bvh").decode()
     keys = [
         ProjectKey(id=f"sample-{i}", frame=key.frame, pose=None, source=i, after=key.after)
         for i, key in enumerate(_KEYS)

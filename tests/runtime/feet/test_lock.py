@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from interpose import retarget, rotation
+from interpose import io, retarget, rotation
 from interpose.data import contacts
-from interpose.io import bvh
 from interpose.motion import Motion, resample
 from interpose.runtime.feet import lock
 from interpose.runtime.feet.stances import FOOT_DEFAULTS
@@ -237,7 +236,7 @@ def test_a_folded_leg_is_not_thrown_about() -> None:
 
 @pytest.mark.parametrize("first", [600, 1500, 2700])
 def test_a_real_walk_that_drifts_slides_no_more_than_it_did(lafan1_dir: Path, first: int) -> None:
-    clip = bvh.read(lafan1_dir / "walk4_subject1.bvh")
+    clip = io.read(lafan1_dir / "walk4_subject1.bvh")
     walk = resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)[first : first + 62]
     stands = contacts.detect(walk.global_positions(), 30.0)
     drifted = drifting(walk, np.array([0.08, -0.02, 0.08]))
@@ -255,7 +254,7 @@ def test_a_real_walk_that_drifts_slides_no_more_than_it_did(lafan1_dir: Path, fi
 
 @pytest.mark.parametrize("name", ["walk4_subject1", "fallAndGetUp1_subject1", "ground1_subject1"])
 def test_real_motion_hardly_changes(lafan1_dir: Path, name: str) -> None:
-    clip = bvh.read(lafan1_dir / f"{name}.bvh")
+    clip = io.read(lafan1_dir / f"{name}.bvh")
     clip = resample(retarget.to_humanoid(clip, retarget.map_skeleton(clip)), 30.0)
     changes = []
     for first in range(300, 3900, 600):
