@@ -2,12 +2,15 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from commandline import RATES, bvh_text, fails, rows
+from mocap_files import amass_arrays, exponential_maps, h36m_text, npz, standing
 
 import interpose
+from interpose import rotation
 from interpose.skeleton import HUMANOID
 
 FIELDS = [
@@ -40,6 +43,44 @@ def test_fill_keeps_key_rows_digit_for_digit(tmp_path, run, rate):
     assert out.read_text().split("MOTION")[0] == source.read_text().split("MOTION")[0]
     assert f"Frame Time: {RATES[rate]}\n" in out.read_text()
     assert interpose.read(out).rate == pytest.approx(rate, rel=1e-4)
+
+
+def swaying_files():
+    """A body that sways, as AMASS and as Human3.6M: the file's name, its contents, how far its frames are off."""
+    angle = 0.3 * np.sin(np.arange(61) / 9.0)
+    content = amass_arrays(61)
+    content["poses"][:, 48] = angle
+    content["trans"][:, 0] = 0.01 * np.arange(61)
+    turned = standing(61).local_rotations.copy()
+    turned[:, 1] = rotation.from_rotation_vector(angle[:, None] * np.array([1.0, 0.0, 0.0]))
+    maps = exponential_maps(replace(standing(61), local_rotations=turned))
+    return {"walk.npz": npz(content), "walking_1.txt": h36m_text(maps)}
+
+
+@pytest.mark.parametrize("name", swaying_files())
+@pytest.mark.parametrize("method", ["interp", "dcmoe"])
+def test_fill_takes_other_formats_and_writes_bvh(tmp_path, run, model, name, method):
+    source, out = tmp_path / name, tmp_path / "out.bvh"
+    source.write_bytes(swaying_files()[name])
+    options = ("--method", method, *(("--model", model) if method == "dcmoe" else ()))
+    status, printed, err = run("fill", source, "--keys", "5,30,50-55", *options, "-o", out, "--json")
+    assert status == 0, err
+    assert [json.loads(line)["method"] for line in printed.splitlines()] == [method] * 2
+    made, given = interpose.read(out), interpose.read(source)
+    assert (len(made), made.rate) == (61, given.rate)
+    joints = [made.skeleton.names.index(name) for name in given.skeleton.names]  # depth first in BVH
+    kept = [*range(6), 30, *range(50, 61)]
+    np.testing.assert_allclose(made.global_positions()[kept][:, joints], given.global_positions()[kept], atol=1e-5)
+
+
+def test_between_takes_poses_of_other_formats(tmp_path, run):
+    source, out = tmp_path / "walking_1.txt", tmp_path / "out.bvh"
+    source.write_bytes(swaying_files()["walking_1.txt"])
+    ends = f"{source}:0", f"{source}:40"
+    status, _, err = run("between", *ends, "--frames", 9, "--method", "interp", "-o", out)
+    assert status == 0, err
+    made, given = interpose.read(out), interpose.read(source)
+    np.testing.assert_allclose(made.global_positions()[[0, -1]], given.global_positions()[[0, 40]], atol=1e-5)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 37, 600])

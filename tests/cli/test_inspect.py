@@ -2,6 +2,9 @@
 
 import json
 
+import pytest
+from mocap_files import amass_arrays, h36m_text, npz, t_pose
+
 from interpose.runtime import model_folder
 
 
@@ -40,6 +43,31 @@ def test_info_says_what_a_rig_lacks(tmp_path, run):
     assert status == 0
     assert "not a humanoid" in out
     assert "LeftUpLeg" in out
+
+
+FILES = {
+    "clip.npz": (npz(amass_arrays(61)), "22 joints, 61 frames at 120 Hz (0.50 s), unit m", "SMPL", []),
+    "walking_1.txt": (h36m_text(t_pose(51)), "21 joints, 51 frames at 50 Hz (1.00 s), unit mm", None, ["Spine1"]),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_info_describes_files_of_other_formats(tmp_path, run, name):
+    data, summary, profile, missing = FILES[name]
+    (tmp_path / name).write_bytes(data)
+    status, out, err = run("info", tmp_path / name)
+    assert (status, err) == (0, "")
+    assert summary in out
+    report = json.loads(run("info", tmp_path / name, "--json")[1])
+    assert profile in (None, report["profile"])
+    assert (report["missing"], report["problem"]) == (missing, None)
+
+
+def test_info_names_the_formats_where_none_is_recognised(tmp_path, run):
+    (tmp_path / "notes.md").write_text("nothing")
+    status, _, err = run("info", tmp_path / "notes.md")
+    assert status == 1
+    assert "BVH (.bvh), AMASS (.npz) or Human3.6M exponential maps (.txt) can be read" in err
 
 
 def test_models_lists_what_is_installed(run, model, monkeypatch):

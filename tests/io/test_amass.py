@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mocap_files import UPRIGHT, amass_arrays, npz
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 from strategies import motions
@@ -28,27 +29,9 @@ NAMES = """
 """.split()  # noqa: SIM905
 """The first 22 joints in the order in which the body models' makers list them."""
 
-UPRIGHT = np.array([np.pi / 2.0, 0.0, 0.0])
-"""The turn that stands the body models' T-pose, Y up, in AMASS's world, Z up; it then looks along AMASS's -Y."""
-
-
-def arrays(frames: int = 3, width: int = 156, **more: Any) -> dict[str, Any]:
-    """What a file of SMPL-H holds: the T-pose, upright."""
-    poses = np.zeros((frames, width))
-    poses[:, :3] = UPRIGHT
-    trans = np.tile([0.3, -0.2, 0.95], (frames, 1))
-    rest = {"gender": np.array("female"), "betas": np.ones(16), "dmpls": np.zeros((frames, 8))}
-    return {"poses": poses, "trans": trans, "mocap_framerate": np.array(120.0), **rest, **more}
-
-
-def packed(content: dict[str, Any]) -> bytes:
-    out = BytesIO()
-    np.savez(out, **{name: value for name, value in content.items() if value is not None})
-    return out.getvalue()
-
 
 def parsed(content: dict[str, Any]) -> Motion:
-    return amass.parse(packed(content), "clip.npz")
+    return amass.parse(npz(content), "clip.npz")
 
 
 def at(motion: Motion, name: str, frame: int = 0) -> ndarray:
@@ -71,7 +54,7 @@ def test_the_joints_are_those_of_the_body_models_in_their_order() -> None:
 
 
 def test_a_t_pose_stands_on_the_floor_looking_along_z_with_its_left_at_x() -> None:
-    motion = parsed(arrays())
+    motion = parsed(amass_arrays())
     assert (len(motion), motion.rate) == (3, 120.0)
     sums = np.zeros((22, 3))
     for joint, parent in enumerate(amass.SKELETON.parents[1:], start=1):
@@ -100,9 +83,9 @@ def test_a_t_pose_stands_on_the_floor_looking_along_z_with_its_left_at_x() -> No
 def test_a_joint_turned_by_90_degrees_takes_the_next_one_with_it(
     joint: str, turn: list[float], moved: str, towards: list[float]
 ) -> None:
-    content = arrays()
+    content = amass_arrays()
     content["poses"][:, 3 * NAMES.index(joint) :][:, :3] = np.radians(turn)
-    motion, resting = parsed(content), parsed(arrays())
+    motion, resting = parsed(content), parsed(amass_arrays())
     bone = at(motion, moved) - at(motion, joint)
     assert bone / np.linalg.norm(bone) == pytest.approx(towards, abs=0.15)  # bones of the T-pose are not quite square
     turned = Rotation.from_euler("xyz", turn, degrees=True).apply(at(resting, moved) - at(resting, joint))
@@ -111,14 +94,14 @@ def test_a_joint_turned_by_90_degrees_takes_the_next_one_with_it(
 
 
 def test_z_is_up_in_the_file_and_y_in_the_motion() -> None:
-    content = arrays(4)
+    content = amass_arrays(4)
     content["trans"] = np.array([[0.0, 0.0, 0.9], [1.0, 0.0, 0.9], [0.0, 2.0, 0.9], [0.0, 0.0, 3.9]])
     root = parsed(content).root_positions
     np.testing.assert_allclose(root - root[0], [[0, 0, 0], [1, 0, 0], [0, 0, -2], [0, 3, 0]], atol=1e-12)
 
 
 def test_the_root_turns_about_the_vertical() -> None:
-    content = arrays(2)
+    content = amass_arrays(2)
     quarter = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0])  # AMASS's vertical
     content["poses"][1, :3] = (quarter * Rotation.from_rotvec(UPRIGHT)).as_rotvec()
     motion = parsed(content)
@@ -131,16 +114,16 @@ def test_the_root_turns_about_the_vertical() -> None:
 )
 def test_all_body_models_give_the_same_22_joints(width: int, key: str) -> None:
     body = np.random.default_rng(0).normal(0.0, 0.3, (5, 66))
-    content = arrays(5, width, mocap_framerate=None)
+    content = amass_arrays(5, width, mocap_framerate=None)
     content |= {key: np.array(100), "poses": np.concatenate([body, np.full((5, width - 66), 9.0)], axis=1)}
     motion = parsed(content)
-    reference = parsed(arrays(5, mocap_framerate=100) | {"poses": np.pad(body, ((0, 0), (0, 90)))})
+    reference = parsed(amass_arrays(5, mocap_framerate=100) | {"poses": np.pad(body, ((0, 0), (0, 90)))})
     assert motion.rate == 100.0
     np.testing.assert_array_equal(motion.global_positions(), reference.global_positions())
 
 
 def test_parts_of_the_pose_serve_where_the_whole_is_missing() -> None:
-    content = arrays(4, 165, surface_model_type=np.array("smplx"))
+    content = amass_arrays(4, 165, surface_model_type=np.array("smplx"))
     content["poses"][:, 5:66] = 0.1
     parts = {"root_orient": content["poses"][:, :3], "pose_body": content["poses"][:, 3:66]}
     np.testing.assert_array_equal(
@@ -150,7 +133,7 @@ def test_parts_of_the_pose_serve_where_the_whole_is_missing() -> None:
 
 @pytest.mark.parametrize("kind", ["float32", "float64", "int16"])
 def test_any_kind_of_number_is_read(kind: str) -> None:
-    content = arrays()
+    content = amass_arrays()
     motion = parsed(content | {"poses": content["poses"].astype(kind), "mocap_framerate": np.array([60], dtype=kind)})
     assert motion.rate == 60.0
     assert motion.local_rotations.dtype == float
@@ -158,7 +141,9 @@ def test_any_kind_of_number_is_read(kind: str) -> None:
 
 def test_what_else_a_file_holds_is_not_looked_at(tmp_path: Path) -> None:
     """Pickled labels are common; they are left where they are."""
-    np.savez_compressed(tmp_path / "clip.npz", **arrays(labels=np.array([{"a": 1}, None], dtype=object), betas=None))
+    np.savez_compressed(
+        tmp_path / "clip.npz", **amass_arrays(labels=np.array([{"a": 1}, None], dtype=object), betas=None)
+    )
     assert len(io.read(tmp_path / "clip.npz")) == 3
 
 
@@ -178,7 +163,7 @@ def test_a_motion_written_as_amass_comes_back(motion: Motion) -> None:
 
 
 def test_the_humanoid_stands_in_its_t_pose() -> None:
-    motion = parsed(arrays())
+    motion = parsed(amass_arrays())
     mapping = retarget.map_skeleton(motion)
     assert (mapping.profile, mapping.missing) == ("SMPL", ())
     points = retarget.to_humanoid(motion, mapping).global_positions()[0]
@@ -232,7 +217,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
 def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> None:
     change, said = CASES[case]
     with pytest.raises(InputError) as refused:
-        parsed(arrays() | change)
+        parsed(amass_arrays() | change)
     assert str(refused.value).startswith("clip.npz: ")
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -240,15 +225,15 @@ def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> Non
 
 @pytest.mark.parametrize("key", ["poses", "trans", "mocap_framerate"])
 def test_pickled_objects_are_never_loaded(tmp_path: Path, key: str) -> None:
-    np.savez(tmp_path / "clip.npz", **{**arrays(), key: pickled(tmp_path)})
+    np.savez(tmp_path / "clip.npz", **{**amass_arrays(), key: pickled(tmp_path)})
     with pytest.raises(InputError, match=f"'{key}' holds pickled Python objects, which are never loaded"):
         io.read(tmp_path / "clip.npz")
     assert not (tmp_path / "sprung").exists()
 
 
 def test_a_model_type_that_is_pickled_does_not_matter(tmp_path: Path) -> None:
-    assert len(parsed(arrays(surface_model_type=pickled(tmp_path)))) == 3
-    assert len(parsed(arrays(surface_model_type=np.array(["smplx", "smplh"])))) == 3
+    assert len(parsed(amass_arrays(surface_model_type=pickled(tmp_path)))) == 3
+    assert len(parsed(amass_arrays(surface_model_type=np.array(["smplx", "smplh"])))) == 3
     assert not (tmp_path / "sprung").exists()
 
 
@@ -276,12 +261,12 @@ def test_members_that_are_no_arrays_or_too_large_are_refused(monkeypatch: pytest
         amass.parse(with_poses(b"no array at all"), "clip.npz")
     monkeypatch.setattr(amass, "MAX_BYTES", 1024)
     with pytest.raises(InputError, match="'poses' is larger than 0 MB"):
-        parsed(arrays())
+        parsed(amass_arrays())
 
 
 def with_poses(raw: bytes) -> bytes:
     """A file whose 'poses' are these bytes."""
-    out = BytesIO(packed(arrays(poses=None)))
+    out = BytesIO(npz(amass_arrays(poses=None)))
     with zipfile.ZipFile(out, "a") as archive:
         archive.writestr("poses.npy", raw)
     return out.getvalue()
@@ -306,8 +291,8 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
         io.read(tmp_path / "nowhere.npz")
 
 
-WHOLE = packed(arrays())
-POSES = npy(arrays()["poses"])
+WHOLE = npz(amass_arrays())
+POSES = npy(amass_arrays()["poses"])
 
 
 @st.composite

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mocap_files import BODY, PARENTS, exponential_maps, h36m_text, standing, t_pose
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 from strategies import motions
@@ -19,72 +20,9 @@ from interpose.io import grounding, h36m
 from interpose.motion import Motion, concatenate
 from interpose.skeleton import HUMANOID
 
-PARENTS = [
-    *(-1, 0, 1, 2, 3, 4, 0, 6, 7, 8, 9, 0, 11, 12, 13, 14),
-    *(12, 16, 17, 18, 19, 20, 19, 22, 12, 24, 25, 26, 27, 28, 27, 30),
-]
-"""Of the 32 joints, as published."""
-
-BODY = {
-    "Hips": 0, "RightUpLeg": 1, "RightLeg": 2, "RightFoot": 3, "RightToeBase": 4, "LeftUpLeg": 6, "LeftLeg": 7,
-    "LeftFoot": 8, "LeftToeBase": 9, "Spine": 11, "Spine1": 12, "Neck": 13, "Head": 14, "LeftShoulder": 16,
-    "LeftArm": 17, "LeftForeArm": 18, "LeftHand": 19, "RightShoulder": 24, "RightArm": 25, "RightForeArm": 26,
-    "RightHand": 27,
-}  # fmt: skip
-"""The joints that are used, among the 32."""
-
-RESTS = {
-    **{f"{side}Foot": ("x", 0.1) for side in ("Left", "Right")},
-    **{f"{side}ToeBase": ("x", -0.25) for side in ("Left", "Right")},
-    **{f"Left{part}": ("z", -np.pi / 2) for part in ("Shoulder", "Arm", "ForeArm", "Hand")},
-    **{f"Right{part}": ("z", np.pi / 2) for part in ("Shoulder", "Arm", "ForeArm", "Hand")},
-    "Neck": ("x", 0.7),
-    "Head": ("x", -0.6),
-}
-"""How the joints of the file are turned, in the world, when the body stands in a T-pose."""
-
-
-def rest(name: str) -> ndarray:
-    """The matrix, for columns."""
-    return Rotation.from_euler(*RESTS.get(name, ("x", 0.0))).as_matrix()
-
-
-def rows_of(motion: Motion) -> ndarray:
-    """A motion on the reader's skeleton as the 99 columns of a file; matrices multiply rows from the right here."""
-    world = Rotation.from_quat(motion.global_rotations().reshape(-1, 4)).as_matrix()
-    world = world.reshape(len(motion), len(BODY), 3, 3)
-    of_file = {BODY[name]: np.swapaxes(world[:, j] @ rest(name), 1, 2) for j, name in enumerate(motion.skeleton.names)}
-    rows = np.zeros((len(motion), 99))
-    for joint, turned in of_file.items():
-        before = np.swapaxes(of_file[PARENTS[joint]] if joint else np.concatenate([turned[:1], turned[:-1]]), 1, 2)
-        rows[:, 3 + 3 * joint : 6 + 3 * joint] = Rotation.from_matrix(turned @ before).as_rotvec()
-    step = np.diff(motion.root_positions, axis=0, prepend=motion.root_positions[:1])
-    facing = np.concatenate([of_file[0][:1], of_file[0][:-1]])
-    rows[:, :3] = 1000.0 * np.einsum("fi,fji->fj", step, facing)
-    return rows
-
-
-def text_of(rows: ndarray) -> bytes:
-    return "".join(",".join(f"{value:.7f}" for value in row) + "\n" for row in rows).encode()
-
-
-def t_pose(frames: int = 5, **turned: tuple[str, float]) -> ndarray:
-    """Rows of a body that stands in a T-pose, but in the last of them with joints of the file turned further: an axis
-    of the joint's own, and an angle."""
-    rows = rows_of(standing(frames))
-    for name, (axis, angle) in turned.items():
-        columns = slice(3 + 3 * BODY[name], 6 + 3 * BODY[name])
-        before = Rotation.from_rotvec(-rows[-1, columns])
-        rows[-1, columns] = -(before * Rotation.from_euler(axis, angle, degrees=True)).as_rotvec()
-    return rows
-
-
-def standing(frames: int) -> Motion:
-    return Motion(h36m.SKELETON, np.zeros((frames, 3)), np.tile(rotation.IDENTITY, (frames, 21, 1)), 50.0)
-
 
 def parsed(rows: ndarray) -> Motion:
-    return h36m.parse(text_of(rows), "walking_1.txt")
+    return h36m.parse(h36m_text(rows), "walking_1.txt")
 
 
 def bone(motion: Motion, start: str, end: str, frame: int = -1) -> ndarray:
@@ -164,7 +102,7 @@ def test_people_stand_upright_however_their_pelvis_leans(lean: float) -> None:
     local[:, 0] = pelvis
     for name in ("LeftUpLeg", "RightUpLeg", "Spine"):
         local[:, motion.skeleton.index(name)] = rotation.inverse(pelvis)
-    rows = rows_of(replace(motion, local_rotations=local))
+    rows = exponential_maps(replace(motion, local_rotations=local))
     np.testing.assert_allclose(rows[:, :6], 0.0, atol=1e-12)
     back = parsed(rows)
     assert bone(back, "LeftUpLeg", "LeftFoot") == pytest.approx([0.0, -0.87, 0.0], abs=0.02)
@@ -201,7 +139,7 @@ def test_toes_in_one_place_and_toes_that_are_never_still_leave_up_as_it_is() -> 
 def test_a_motion_written_as_exponential_maps_comes_back(motion: Motion) -> None:
     """Seen from its first pelvis, for the file does not say where that is. Single poses: steps would be too long."""
     for frame in range(len(motion)):
-        back = parsed(rows_of(motion[frame]))
+        back = parsed(exponential_maps(motion[frame]))
         np.testing.assert_allclose(from_pelvis(back), from_pelvis(motion[frame]), atol=1e-5)
 
 
@@ -215,7 +153,7 @@ def test_the_way_of_the_root_comes_back(motion: Motion, seed: int) -> None:
         step = rotation.from_rotation_vector(rng.normal(0.0, 0.05, 3))
         turned[frame, 0] = rotation.multiply(turned[frame - 1, 0], step)
     drifting = Motion(h36m.SKELETON, root, turned, 50.0)
-    back = parsed(rows_of(drifting))
+    back = parsed(exponential_maps(drifting))
     if np.array_equal(back.skeleton.offsets, h36m.SKELETON.offsets):  # its toes may happen to tell another size
         np.testing.assert_allclose(from_pelvis(back), from_pelvis(drifting), atol=1e-4)
 
@@ -236,7 +174,7 @@ def test_the_humanoid_stands_in_its_t_pose() -> None:
 
 
 def test_blank_lines_a_mark_and_other_line_ends_do_not_matter(tmp_path: Path) -> None:
-    text = text_of(t_pose())
+    text = h36m_text(t_pose())
     (tmp_path / "walking_1.txt").write_bytes(b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n") + b"\r\n \r\n")
     motion = io.read(tmp_path / "walking_1.txt")
     np.testing.assert_array_equal(motion.global_positions(), parsed(t_pose()).global_positions())
@@ -245,7 +183,7 @@ def test_blank_lines_a_mark_and_other_line_ends_do_not_matter(tmp_path: Path) ->
 
 
 def changed(row: int, column: int, value: float | str) -> bytes:
-    lines = [line.split(b",") for line in text_of(t_pose()).splitlines()]
+    lines = [line.split(b",") for line in h36m_text(t_pose()).splitlines()]
     lines[row][column] = str(value).encode()
     return b"\n".join(b",".join(line) for line in lines)
 
@@ -254,11 +192,11 @@ CASES: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "walking_1.txt: the file is empty"),
     "blank": (b"\n \r\n\n", "walking_1.txt: the file is empty"),
     "a column too few": (
-        text_of(t_pose()[:, 1:]),
+        h36m_text(t_pose()[:, 1:]),
         "line 1: 98 fields with commas between them, expected the 99 numbers",
     ),
-    "blanks for commas": (text_of(t_pose()).replace(b",", b" "), "line 1: 1 fields"),
-    "cut short": (text_of(t_pose())[:-400], "line 5: "),
+    "blanks for commas": (h36m_text(t_pose()).replace(b",", b" "), "line 1: 1 fields"),
+    "cut short": (h36m_text(t_pose())[:-400], "line 5: "),
     "prose": (b"Please cite our paper.\n", "line 1: 1 fields"),
     "binary": (b"\x89PNG\r\n\x1a\n\0\0" * 9, "line 1: 1 fields"),
     "a word": (changed(2, 50, "walking"), "line 3: 'walking' is not a number"),
@@ -289,7 +227,7 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
         io.read(tmp_path / "nowhere.txt")
 
 
-WHOLE = text_of(t_pose(2))
+WHOLE = h36m_text(t_pose(2))
 
 
 @given(

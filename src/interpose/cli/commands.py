@@ -8,10 +8,19 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from interpose.io.registry import WRITERS, listed, readable
+
 _SAID = ""
 """In place of tyro's "(default: None)", where the help text itself says what happens when the option is left out."""
 
-OutFile = Annotated[str, arg(aliases=["-o"], metavar="OUT.bvh")]
+OutFile = Annotated[
+    str,
+    arg(
+        aliases=["-o"],
+        metavar="OUT.bvh",
+        help=f"The file to write, {listed(WRITERS)}. With several variants: OUT-1, OUT-2, …, best first.",
+    ),
+]
 OutFolder = Annotated[str, arg(aliases=["-o"], metavar="DIR")]
 
 
@@ -20,7 +29,6 @@ class Options:
     """How the gaps are filled, and where to."""
 
     out: OutFile
-    """The file to write, .bvh or .glb. With several variants: OUT-1, OUT-2, …, best first."""
     method: Annotated[str, arg(metavar="dcmoe|stitch|stitch+detail|interp")] = "dcmoe"
     """dcmoe, stitch or stitch+detail (trained models) or interp (straight line and SLERP)."""
     model: Annotated[str | None, arg(metavar="NAME|DIR", help_behavior_hint=_SAID)] = None
@@ -48,7 +56,7 @@ class Options:
 
 
 def fill(
-    clip: Annotated[Positional[str], arg(metavar="CLIP")],
+    clip: Annotated[Positional[str], arg(metavar="CLIP", help=f"The clip: {readable()}.")],
     /,
     keys: Annotated[str, arg(metavar="0,45,90-99")],
     generation: OmitArgPrefixes[Options],
@@ -59,7 +67,6 @@ def fill(
     The frames before the first key and after the last stay as they are.
 
     Args:
-        clip: The BVH file.
         keys: Frames to keep, from 0 on, negative ones from the end; they come out digit for digit as they went in.
         retime: Let each gap take the time that the gallery suggests, or --speed, in place of the clip's own.
     """
@@ -192,14 +199,20 @@ def gallery_plot(
 
 
 def info(
-    files: Annotated[Positional[tuple[str, ...]], arg(metavar="FILE", help_behavior_hint="(required)")],
+    files: Annotated[
+        Positional[tuple[str, ...]],
+        arg(
+            metavar="FILE",
+            help=f"The files: {readable()}. One that cannot be read is reported, the others are still shown.",
+            help_behavior_hint="(required)",
+        ),
+    ],
     /,
     json: bool = False,
 ) -> int:
-    """Tell what BVH files hold and how their joints map to the 22 joints of the models.
+    """Describe motion files and how their joints map to the 22 joints of the models.
 
     Args:
-        files: BVH files. One that cannot be read is reported, the others are still shown.
         json: Print one JSON object for each file on standard output.
     """
     from interpose.cli import inspect

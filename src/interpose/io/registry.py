@@ -58,8 +58,7 @@ def reader_of(data: bytes, name: str) -> Format:
         if each.load().recognises(data):
             return each
     if by_name is None:
-        known = listed(f"{each.name} ({suffix})" for suffix, each in READERS.items())
-        raise InputError(f"{name}: not a motion file of a known format; {known} can be read")
+        raise InputError(f"{name}: not a motion file of a known format; {readable()} can be read")
     return by_name
 
 
@@ -69,6 +68,11 @@ def writer_of(path: str) -> Format:
     if found is None:
         raise InputError(f"{path}: the output's name must end in {listed(WRITERS)}")
     return found
+
+
+def readable() -> str:
+    """The formats that can be read, with their extensions, for messages and help."""
+    return listed(f"{each.name} ({suffix})" for suffix, each in READERS.items())
 
 
 def listed(items: Iterable[str]) -> str:
