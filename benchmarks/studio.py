@@ -27,7 +27,7 @@ from websockets.sync.client import ClientConnection, connect
 from interpose import io
 from interpose.studio import messages
 from interpose.studio.pose_rows import of_motion
-from interpose.studio.protocol import ASKED, TOLD
+from interpose.studio.protocol import CLIENT_MESSAGE, SERVER_MESSAGE
 from interpose.studio.sample import sample
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -44,7 +44,7 @@ MOVE = """async ([frames, repeats]) => {
     const whole = () => studio.result(id)?.candidates.length === 4 && studio.state(gap()) === "ready";
     studio.setFrames(id, frames);
     studio.selectGap(id);
-    studio.goTo(gap().right.frame);
+    studio.playback.goTo(gap().right.frame);
     await until(() => studio.settled);
     const told = [];
     for (let i = 0; i < repeats; i++) {
@@ -105,7 +105,7 @@ def _socket(port: int, repeats: int) -> None:
 def _ask(
     socket: ClientConnection, rig: str, ends: dict[str, np.ndarray], frames: int, variants: int, live: bool
 ) -> float:
-    asked = ASKED.validate_python(
+    message = CLIENT_MESSAGE.validate_python(
         {
             "type": "generate",
             "id": 1,
@@ -122,11 +122,11 @@ def _ask(
         }
     )
     began = time.perf_counter()
-    socket.send(messages.pack(asked, ends))
+    socket.send(messages.pack(message, ends))
     data = socket.recv()
     seconds = time.perf_counter() - began
     assert isinstance(data, bytes)
-    header, _ = messages.unpack(data, TOLD)
+    header, _ = messages.unpack(data, SERVER_MESSAGE)
     assert header.type == "candidates", header
     return 1000 * seconds
 

@@ -15,7 +15,7 @@ from interpose.demo import poses
 from interpose.motion import Motion, concatenate
 from interpose.skeleton import HUMANOID, Skeleton
 from interpose.studio.messages import shapes
-from interpose.studio.rigs import Clip, Shelf
+from interpose.studio.rigs import Clip, RigStore
 
 PORT = 8360
 HOST = {"host": f"127.0.0.1:{PORT}"}
@@ -65,9 +65,9 @@ def no_humanoid() -> Motion:
     return Motion(skeleton, root, turns, 30.0)
 
 
-def opened(motion: Motion, shelf: Shelf | None = None) -> Clip:
+def opened(motion: Motion, store: RigStore | None = None) -> Clip:
     """The clip that a browser gets by sending the motion as a BVH file."""
-    return (Shelf() if shelf is None else shelf).open(io.serialize(motion, "clip.bvh"), "clip.bvh")
+    return (RigStore() if store is None else store).open(io.serialize(motion, "clip.bvh"), "clip.bvh")
 
 
 STAND = poses.pose(poses.STAND)

@@ -63,9 +63,9 @@ def test_the_protocols_types_are_made_from_the_servers(node: Any, tmp_path: Path
 @pytest.mark.parametrize(
     ("file", "name", "value"),
     [
-        ("files.ts", "LARGEST", protocol.LARGEST_UPLOAD),
+        ("app/files.ts", "LARGEST_UPLOAD", protocol.LARGEST_UPLOAD),
         ("document/document.ts", "LONGEST_GAP", protocol.MOST_FRAMES),
-        ("panels/Candidates.svelte", "MOST", protocol.MOST_VARIANTS),
+        ("panels/gap/Candidates.svelte", "MOST_VARIANTS", protocol.MOST_VARIANTS),
         ("engine/generator.ts", "CONTEXT", resampling.CONTEXT),
         ("engine/generator.ts", "MODEL_RATE", resampling.MODEL_RATE),
     ],

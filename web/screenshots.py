@@ -21,7 +21,7 @@ def whole(page: Page) -> None:
     """The sample scene with a gap's candidates."""
     page.get_by_test_id("gap-39").click()
     settle(page)
-    page.evaluate("() => window.interpose.studio.goTo(72)")
+    page.evaluate("() => window.interpose.studio.playback.goTo(72)")
     page.keyboard.press("f")
 
 
@@ -29,12 +29,12 @@ def paths(page: Page) -> None:
     """A drawn path with its control points, in dark."""
     page.get_by_test_id("theme").click()
     page.get_by_test_id("gap-39").click()
-    page.evaluate("() => window.interpose.studio.changeLine([[0.9, 2.3], [1.8, 2.6], [2.6, 2.0]], 'end')")
+    page.evaluate("() => window.interpose.studio.changeDrawnPath([[0.9, 2.3], [1.8, 2.6], [2.6, 2.0]], 'end')")
     page.get_by_test_id("frames").fill("99")
     page.get_by_test_id("frames").press("Enter")
     page.get_by_test_id("frames").blur()
     settle(page)
-    page.evaluate("() => window.interpose.studio.goTo(84)")
+    page.evaluate("() => window.interpose.studio.playback.goTo(84)")
     page.evaluate("() => (window.interpose.studio.show = { ...window.interpose.studio.show, others: false })")
     page.evaluate("() => window.interpose.viewport().frameAll()")
 

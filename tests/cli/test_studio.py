@@ -99,9 +99,9 @@ def test_what_cannot_be_opened_is_told_before_a_server_starts(run: Any, served: 
     held["keys"][1]["frame"] = 0
     project = tmp_path / "mine.interpose"
     project.write_text(json.dumps(held))
-    fails(run("studio", project), f"{project} cannot be opened: keys[1].frame is 0, not after 0 of the key before it")
+    fails(run("studio", project), f"{project} cannot be opened: keys[1].frame is 0, not after 0 of the previous key")
     project.write_bytes(b"\xff\xff")
-    fails(run("studio", project), "it is no JSON")
+    fails(run("studio", project), "it is not valid JSON")
     assert served == []
 
 
@@ -117,7 +117,7 @@ def test_a_busy_port_is_told(run: Any, monkeypatch: pytest.MonkeyPatch, tmp_path
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        fails(run("studio", "--port", port, "--no-browser"), f"port {port} cannot be had")
+        fails(run("studio", "--port", port, "--no-browser"), f"port {port} is not available")
     fails(run("studio", "--port", 65536), "--port must be 0 to 65535, got 65536")
 
 

@@ -31,7 +31,7 @@ def gap(page: Page, frame: int) -> dict[str, Any]:
 
 def shown(page: Page, frame: int) -> list[float]:
     """The pose that is shown at a frame."""
-    script = "(frame) => { const s = window.interpose.studio; s.goTo(frame); return [...s.pose]; }"
+    script = "(frame) => { const s = window.interpose.studio; s.playback.goTo(frame); return [...s.pose]; }"
     return page.evaluate(script, frame)
 
 
@@ -103,10 +103,10 @@ def test_a_clip_is_opened_keyed_shaped_and_exported(page: Page, walk: Path, tmp_
 
     # A way of the gallery, then one that is drawn.
     page.get_by_test_id("path-choose").click()
-    page.get_by_test_id("way-1").click()
+    page.get_by_test_id("gallery-path-1").click()
     settle(page)
     path = gap(page, 30)["path"]
-    assert path["kind"] == "line"
+    assert path["kind"] == "waypoints"
     assert not path["drawn"]
     page.get_by_test_id("path-draw").click()
     start, target = (shown(page, frame)[:3] for frame in (30, 75))
@@ -136,7 +136,7 @@ def test_a_clip_is_opened_keyed_shaped_and_exported(page: Page, walk: Path, tmp_
     ruler = page.get_by_test_id("ruler").bounding_box()
     assert ruler is not None
     drag(page, [(ruler["x"] + 200, ruler["y"] + 8), (ruler["x"] + 420, ruler["y"] + 8)])
-    assert page.evaluate("() => window.interpose.studio.frame") not in (0, 52)
+    assert page.evaluate("() => window.interpose.studio.playback.frame") not in (0, 52)
     page.get_by_test_id("undo").click()
     assert shown(page, 52) == first
     page.get_by_test_id("redo").click()
@@ -300,7 +300,7 @@ def test_a_hand_is_dragged_and_the_pose_follows(page: Page) -> None:
     page.get_by_test_id("tool-reach").click()
     page.keyboard.press("f")
     page.wait_for_timeout(1200)  # the camera comes to rest
-    frame = page.evaluate("() => window.interpose.studio.frame")
+    frame = page.evaluate("() => window.interpose.studio.playback.frame")
     before = shown(page, frame)
     at = on_canvas(page, joint(page, "RightHand"))
     drag(page, [at, (at[0] - 20, at[1] - 40), (at[0] - 30, at[1] - 70)])
@@ -315,7 +315,7 @@ def test_a_hand_is_dragged_and_the_pose_follows(page: Page) -> None:
 
 def test_a_pose_is_moved_by_numbers_and_taken_from_the_library(page: Page) -> None:
     page.locator("[data-testid^=key-]").nth(1).click()
-    frame = page.evaluate("() => window.interpose.studio.frame")
+    frame = page.evaluate("() => window.interpose.studio.playback.frame")
     before = shown(page, frame)
     page.get_by_test_id("place-x").fill(f"{before[0] + 0.5:.2f}")
     page.get_by_test_id("place-x").press("Enter")
@@ -391,7 +391,7 @@ def test_the_keyboard_alone_is_enough(page: Page) -> None:
         page.keyboard.press("Control+z")
     assert keys(page) == first
     page.keyboard.press("Space")
-    page.wait_for_function("() => window.interpose.studio.playing && window.interpose.studio.time > 1")
+    page.wait_for_function("() => { const p = window.interpose.studio.playback; return p.playing && p.time > 1; }")
     page.keyboard.press("Space")
     page.keyboard.press("?")
     expect(page.get_by_test_id("help-dialog")).to_be_visible()
@@ -406,7 +406,7 @@ def test_the_first_visit_is_in_motion_and_led_by_a_tour(browser: Browser, studio
     page.goto(studio.url)
     settle(page)
     expect(page.get_by_test_id("tour")).to_be_visible()
-    page.wait_for_function("() => window.interpose.studio.playing && window.interpose.studio.time > 2")
+    page.wait_for_function("() => { const p = window.interpose.studio.playback; return p.playing && p.time > 2; }")
     for step in range(4):
         expect(page.get_by_test_id("tour")).to_contain_text(f"{step + 1} of 4")
         box = page.get_by_test_id("tour-next").bounding_box()

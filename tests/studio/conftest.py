@@ -26,5 +26,5 @@ def clip() -> Clip:
 
 @pytest.fixture(scope="session")
 def other() -> Clip:
-    """A rig that is no humanoid."""
+    """A rig that is not a humanoid."""
     return opened(no_humanoid())

@@ -20,11 +20,21 @@ from studio_rigs import HOST, OWN, PORT, envelope, question, walk
 from interpose import io
 from interpose.studio import app as apps
 from interpose.studio import messages, pose_rows
-from interpose.studio import scheduler as desks
+from interpose.studio import scheduler as scheduler
 from interpose.studio.app import create_app
 from interpose.studio.methods import Sessions
-from interpose.studio.protocol import TOLD, Candidates, Failed, Opened, Posed, Project, Rig, Source, Welcome
-from interpose.studio.rigs import Shelf
+from interpose.studio.protocol import (
+    SERVER_MESSAGE,
+    Candidates,
+    Failed,
+    MirroredPose,
+    Opened,
+    Project,
+    Rig,
+    SourceFile,
+    Welcome,
+)
+from interpose.studio.rigs import RigStore
 from interpose.studio.sample import sample
 
 BVH = io.serialize(walk(), "clip.bvh")
@@ -85,7 +95,7 @@ def test_a_file_is_opened_and_told_of(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "expected"),
     [
         (b"", "the file is empty"),
         (b"\x89PNG\r\n\x1a\n\0\0", "not a BVH file"),
@@ -97,8 +107,8 @@ def test_a_file_is_opened_and_told_of(client: TestClient) -> None:
         (BVH.rstrip()[:-3] + b"nan", "broken.bvh"),
     ],
 )
-def test_a_broken_file_is_refused_in_words(client: TestClient, data: bytes, said: str) -> None:
-    assert said in refusal(client.post("/api/rigs", params={"name": "broken.bvh"}, content=data), 400)
+def test_a_broken_file_is_refused_in_words(client: TestClient, data: bytes, expected: str) -> None:
+    assert expected in refusal(client.post("/api/rigs", params={"name": "broken.bvh"}, content=data), 400)
 
 
 def test_a_file_without_a_name_or_with_a_long_one_has_one(client: TestClient) -> None:
@@ -112,7 +122,7 @@ def test_what_is_too_large_is_refused(client: TestClient, monkeypatch: pytest.Mo
     monkeypatch.setattr(apps, "DISCARDED", 3 * 2**20)
     for path in ("/api/rigs", "/api/projects", "/api/export"):
         for size in (2**20 + 1, 5 * 2**20):
-            assert "larger than 1 MB" in refusal(client.post(path, content=b"\0" * size), 413)
+            assert "limit of 1 MB" in refusal(client.post(path, content=b"\0" * size), 413)
         assert client.post(path, content=b"\0" * 2**20).status_code == 400
 
 
@@ -173,8 +183,8 @@ def test_the_sample_is_served_and_a_project_is_checked(client: TestClient) -> No
     assert again.json() == answer.json()
     held = answer.json()
     held["keys"][2]["frame"] = 1
-    said = refusal(client.post("/api/projects", content=json.dumps(held).encode()), 400)
-    assert "keys[2].frame is 1, not after 39 of the key before it" in said
+    expected = refusal(client.post("/api/projects", content=json.dumps(held).encode()), 400)
+    assert "keys[2].frame is 1, not after 39 of the previous key" in expected
     assert client.get("/api/rigs").status_code in (404, 405)
 
 
@@ -188,7 +198,7 @@ def test_an_opened_project_leaves_its_rig_on_the_shelf(client: TestClient) -> No
 def test_what_the_command_line_named_is_told() -> None:
     with served() as client:
         assert client.get("/api/opened").json() == {"source": None, "project": None}
-    named = Opened(source=Source(name="a.bvh", text="x"), project=None)
+    named = Opened(source=SourceFile(name="a.bvh", text="x"), project=None)
     with served(opened=named) as client:
         assert Opened.model_validate_json(client.get("/api/opened").content) == named
 
@@ -201,12 +211,12 @@ ODD = ["/index.html%00", "/" + "a" * 300, "/%c3%28.html", "/..%5csecret.html"]
 @pytest.mark.parametrize("path", HOSTILE + OUTSIDE + ODD)
 def test_there_is_nothing_else(client: TestClient, path: str) -> None:
     answer = client.get(f"http://127.0.0.1:{PORT}{path}")
-    assert "there is nothing at" in refusal(answer, 404)
+    assert "does not exist" in refusal(answer, 404)
     assert "secret" not in answer.text or "secret.html" in path
 
 
 def test_methods_that_are_not_served_are_told(client: TestClient) -> None:
-    assert refusal(client.delete("/api/sample"), 405) == "DELETE is not served there"
+    assert refusal(client.delete("/api/sample"), 405) == "DELETE is not allowed here"
     assert refusal(client.post("/"), 405)
     assert refusal(client.get("/api/export"), 404)
 
@@ -250,13 +260,13 @@ def test_every_answer_has_the_headers_that_guard_it(
         monkeypatch.setattr(apps, "LARGEST_UPLOAD", 10)
         guarded(client.post("/api/rigs", content=BVH))
         monkeypatch.undo()
-        monkeypatch.setattr(apps.rigs, "told", broken)
+        monkeypatch.setattr(apps.rigs, "describe", broken)
         answer = client.post("/api/rigs", content=BVH)
-        assert "fault of its own" in refusal(answer, 500)
+        assert "internal server error" in refusal(answer, 500)
         guarded(answer)
-        monkeypatch.setattr(apps, "found", broken)
+        monkeypatch.setattr(apps, "serve_file", broken)
         answer = client.get("/")
-        assert "fault of its own" in refusal(answer, 500)
+        assert "internal server error" in refusal(answer, 500)
         guarded(answer)
     assert "Traceback" in capsys.readouterr().err
 
@@ -265,7 +275,7 @@ def test_too_little_memory_is_told(client: TestClient, monkeypatch: pytest.Monke
     def full(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(apps.rigs, "told", full)
+    monkeypatch.setattr(apps.rigs, "describe", full)
     assert "not enough memory" in refusal(client.post("/api/rigs", content=BVH), 507)
 
 
@@ -289,8 +299,8 @@ def test_a_browser_that_goes_in_the_middle_of_an_upload_is_no_fault() -> None:
 @pytest.mark.parametrize("path", ["/", "/api/opened", "/api/sample", "/none"])
 def test_strangers_are_refused_before_anything_is_done(client: TestClient, path: str) -> None:
     for changed in ({"host": "evil.example"}, {"host": "127.0.0.1:1"}, {"origin": "null"}, {"origin": "http://a.b"}):
-        said = refusal(client.get(path, headers=changed), 403)
-        assert "only" in said
+        expected = refusal(client.get(path, headers=changed), 403)
+        assert "only" in expected
 
 
 @pytest.mark.parametrize("path", ["/api/rigs", "/api/projects", "/api/export"])
@@ -310,7 +320,7 @@ def socket(client: TestClient, **headers: str) -> Any:
 
 
 def told(ws: Any) -> Any:
-    return messages.unpack(ws.receive_bytes(), TOLD)[0]
+    return messages.unpack(ws.receive_bytes(), SERVER_MESSAGE)[0]
 
 
 def closed(ws: Any) -> tuple[int, str]:
@@ -367,11 +377,11 @@ def test_questions_are_answered(models: Sessions) -> None:
         with socket(client) as ws:
             told(ws)
             ws.send_bytes(mirror(rig.id))
-            assert isinstance(told(ws), Posed)
+            assert isinstance(told(ws), MirroredPose)
             keys = {"start": arrays["frames"][1:2], "target": arrays["frames"][2:3]}
-            asked = {"gap": "g", "frames": 20, "method": "dcmoe", "path": {"kind": "auto"}, "variants": 2, "seed": 0}
-            ws.send_bytes(question("generate", rig.id, keys, **asked))
-            header, made = messages.unpack(ws.receive_bytes(), TOLD)
+            message = {"gap": "g", "frames": 20, "method": "dcmoe", "path": {"kind": "auto"}, "variants": 2, "seed": 0}
+            ws.send_bytes(question("generate", rig.id, keys, **message))
+            header, made = messages.unpack(ws.receive_bytes(), SERVER_MESSAGE)
             assert isinstance(header, Candidates)
             assert made["frames"].shape == (2, 20, 91)
             ws.send_bytes(mirror("none"))
@@ -383,19 +393,19 @@ def test_questions_are_answered(models: Sessions) -> None:
 CANCEL = envelope({"type": "cancel", "gap": "g"})
 WRONG: list[tuple[Callable[[Any], None], int, str]] = [
     (lambda ws: ws.send_bytes(b""), 1007, "the message has 0 bytes"),
-    (lambda ws: ws.send_bytes(b"\xff\xff\xff\xff{}"), 1007, "the header is said to have 4294967295 bytes"),
+    (lambda ws: ws.send_bytes(b"\xff\xff\xff\xff{}"), 1007, "the header should have 4294967295 bytes"),
     (lambda ws: ws.send_bytes(envelope({})), 1007, "type is missing"),
-    (lambda ws: ws.send_bytes(envelope("[" * 100_000)), 1007, "it is no JSON"),
+    (lambda ws: ws.send_bytes(envelope("[" * 100_000)), 1007, "it is not valid JSON"),
     (lambda ws: ws.send_bytes(envelope({"type": "x" * 1000})), 1007, "type must be one of"),
     (lambda ws: ws.send_bytes(mirror("a") + b"\0"), 1007, "bytes"),
-    (lambda ws: ws.send_bytes(question("mirror", "a", {"pose": np.full((1, 91), np.nan)})), 1007, "not finite"),
+    (lambda ws: ws.send_bytes(question("mirror", "a", {"pose": np.full((1, 91), np.nan)})), 1007, "NaN or infinite"),
     (
         lambda ws: ws.send_bytes(envelope({"type": "mirror", "id": 1, "rig": "a", "arrays": {"p": [0, 2**30, 2**30]}})),
         1007,
-        "the array 'p' is said to have the shape",
+        "the array 'p' has the impossible shape",
     ),
-    (lambda ws: ws.send_text("{}"), 1007, "text came; messages are binary"),
-    (lambda ws: ws.send_bytes(b"\0" * (desks.LARGEST_MESSAGE + 1)), 1009, "4194304 are the most"),
+    (lambda ws: ws.send_text("{}"), 1007, "messages must be binary, not text"),
+    (lambda ws: ws.send_bytes(b"\0" * (scheduler.LARGEST_MESSAGE + 1)), 1009, "the limit is 4194304"),
     (
         lambda ws: [ws.send_bytes(envelope({"type": "cancel", "gap": "g"})) for _ in range(400)],
         1008,
@@ -404,9 +414,9 @@ WRONG: list[tuple[Callable[[Any], None], int, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("send", "code", "said"), WRONG, ids=[said for *_, said in WRONG])
+@pytest.mark.parametrize(("send", "code", "expected"), WRONG, ids=[expected for *_, expected in WRONG])
 def test_a_hostile_message_closes_its_connection_with_a_reason_and_no_other(
-    client: TestClient, send: Callable[[Any], None], code: int, said: str
+    client: TestClient, send: Callable[[Any], None], code: int, expected: str
 ) -> None:
     rig, _ = opened(client)
     with socket(client) as other:
@@ -416,9 +426,9 @@ def test_a_hostile_message_closes_its_connection_with_a_reason_and_no_other(
             send(ws)
             got, reason = closed(ws)
             assert got == code
-            assert said in reason
+            assert expected in reason
         other.send_bytes(mirror(rig.id))
-        assert isinstance(told(other), Posed)
+        assert isinstance(told(other), MirroredPose)
         with socket(client) as again:
             assert isinstance(told(again), Welcome)
 
@@ -426,11 +436,11 @@ def test_a_hostile_message_closes_its_connection_with_a_reason_and_no_other(
 def test_work_for_a_connection_that_is_closed_is_dropped_and_others_go_on() -> None:
     gate, began = threading.Event(), threading.Event()
 
-    def serve(asked: Any, arrays: Any) -> Any:
-        if asked.rig == "slow":
+    def serve(message: Any, arrays: Any) -> Any:
+        if message.rig == "slow":
             began.set()
             assert gate.wait(20.0)
-        return Posed(type="posed", id=asked.id, arrays={}), {}
+        return MirroredPose(type="mirrored", id=message.id, arrays={}), {}
 
     with served(serve=serve) as client, socket(client) as other:
         told(other)
@@ -441,15 +451,15 @@ def test_work_for_a_connection_that_is_closed_is_dropped_and_others_go_on() -> N
             ws.send_bytes(b"")
             assert closed(ws)[0] == 1007
         other.send_bytes(question("mirror", "quick"))
-        assert isinstance(told(other), Posed)
+        assert isinstance(told(other), MirroredPose)
         gate.set()
 
 
 def test_a_fault_is_told_and_the_connection_stays(capsys: pytest.CaptureFixture[str]) -> None:
-    def serve(asked: Any, arrays: Any) -> Any:
-        if asked.rig == "bad":
+    def serve(message: Any, arrays: Any) -> Any:
+        if message.rig == "bad":
             raise ZeroDivisionError("secret")
-        return Posed(type="posed", id=asked.id, arrays={}), {}
+        return MirroredPose(type="mirrored", id=message.id, arrays={}), {}
 
     with served(serve=serve) as client, socket(client) as ws:
         told(ws)
@@ -458,7 +468,7 @@ def test_a_fault_is_told_and_the_connection_stays(capsys: pytest.CaptureFixture[
         assert isinstance(failed, Failed)
         assert "secret" not in failed.reason
         ws.send_bytes(question("mirror", "good"))
-        assert isinstance(told(ws), Posed)
+        assert isinstance(told(ws), MirroredPose)
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
@@ -467,7 +477,7 @@ def test_only_so_many_windows_are_open(client: TestClient, monkeypatch: pytest.M
     with socket(client) as ws:
         told(ws)
         with socket(client) as many:
-            assert closed(many) == (1013, "1 windows are open already; close some")
+            assert closed(many) == (1013, "1 windows are already open; close some")
         ws.send_bytes(mirror("none"))
         assert isinstance(told(ws), Failed)
     with socket(client) as again:
@@ -484,6 +494,6 @@ def test_a_reason_fits_into_a_closing_frame() -> None:
 
 
 def test_two_servers_share_nothing() -> None:
-    with served(shelf=Shelf()) as one, served(shelf=Shelf()) as other:
+    with served(store=RigStore()) as one, served(store=RigStore()) as other:
         rig, arrays = opened(one)
         assert export(other, rig.id, arrays["frames"]).status_code == 409

@@ -15,7 +15,7 @@ from interpose.motion import Motion
 from interpose.studio import messages, pose_rows
 from interpose.studio.export import EXPORT, export
 from interpose.studio.protocol import Export
-from interpose.studio.rigs import Clip, Shelf
+from interpose.studio.rigs import Clip, RigStore
 
 
 def written(clip: Clip, frames: ndarray, same: list[tuple[int, int]], kind: str = "bvh") -> bytes:
@@ -36,7 +36,7 @@ def text() -> str:
 
 @pytest.fixture
 def clip(text: str) -> Clip:
-    return Shelf().open(text.encode(), "walk.bvh")
+    return RigStore().open(text.encode(), "walk.bvh")
 
 
 def test_rows_of_the_file_come_out_digit_for_digit_wherever_they_go(text: str, clip: Clip) -> None:
@@ -56,7 +56,7 @@ def test_all_rows_of_a_file_give_the_file_again(text: str, clip: Clip) -> None:
 
 def test_a_file_that_animates_joints_comes_out_again() -> None:
     text = io.serialize(moved(walk()), "clip.bvh")
-    clip = Shelf().open(text, "moved.bvh")
+    clip = RigStore().open(text, "moved.bvh")
     frames = pose_rows.of_motion(clip.motion)
     assert written(clip, frames, [(i, i) for i in range(len(frames))]) == text
     frames[1, 91 + 3 * 5] += 0.01
@@ -97,7 +97,7 @@ def test_rows_far_from_the_origin_are_known_again_as_far_as_32_bits_tell() -> No
     head, _, body = text.partition("Frame Time: 0.033333\n")
     moved_far = [" ".join(["123456.789", *row.split()[1:]]) for row in body.splitlines()]
     data = (head + "Frame Time: 0.033333\n" + "\n".join(moved_far) + "\n").encode()
-    clip = Shelf().open(data, "far.bvh")
+    clip = RigStore().open(data, "far.bvh")
     frames = pose_rows.of_motion(clip.motion)
     assert abs(frames[0, 0]) > 1000.0
     assert written(clip, frames, [(i, i) for i in range(5)]) == data
@@ -114,7 +114,7 @@ def test_what_is_no_row_is_written_from_the_pose(clip: Clip) -> None:
 @pytest.mark.parametrize(("frame", "row"), [(3, 0), (0, 20), (1_000_000, 0)])
 def test_rows_that_are_not_there_are_told(clip: Clip, frame: int, row: int) -> None:
     frames = pose_rows.of_motion(clip.motion)[:3]
-    with pytest.raises(InputError, match=f"frame {frame} is to be row {row} of .* there are 3 frames and 20 rows"):
+    with pytest.raises(InputError, match=f"frame {frame} is given as row {row} of .* there are 3 frames and 20 rows"):
         written(clip, frames, [(frame, row)])
 
 
@@ -125,7 +125,7 @@ def test_an_export_has_frames_and_nothing_else(clip: Clip) -> None:
         export(ask, {}, clip)
     with pytest.raises(InputError, match="one array, frames"):
         export(ask, {"frames": frames, "more": frames}, clip)
-    with pytest.raises(InputError, match="a pose of this rig has 91 numbers"):
+    with pytest.raises(InputError, match="it needs one row of 91 numbers"):
         written(clip, frames[:, :-1], [])
     with pytest.raises(InputError, match="the rotation of Hips in frame 0"):
         written(clip, np.zeros((1, 91)), [])
@@ -136,7 +136,7 @@ def test_an_export_is_one_that_is_known(clip: Clip, header: dict[str, object]) -
     whole = {"rig": clip.id, "format": "bvh", "rows": [], "arrays": {"frames": [1, 91]}}
     if not header:
         del whole["format"]
-    with pytest.raises(InputError, match="header is not as it should be"):
+    with pytest.raises(InputError, match="header of the message is invalid"):
         messages.unpack(envelope({**whole, **header}, np.zeros((1, 91))), EXPORT)
 
 

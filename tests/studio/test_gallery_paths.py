@@ -1,4 +1,4 @@
-"""Paths as lines of few points."""
+"""FindPaths as lines of few points."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from interpose.gallery.proposals import PathRequest, Proposal, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import EndStates
 from interpose.studio import gallery_paths
-from interpose.studio.gallery_paths import APART, POINTS, line_of
+from interpose.studio.gallery_paths import MOST_PATH_POINTS, POINT_SPACING, point_path
 from interpose.studio.methods import Sessions
 from interpose.studio.rigs import Clip
 
 
 def followed(path: ndarray, seconds: float) -> tuple[ndarray, ndarray]:
     """Where the line is at the path's times, with straight ways between its points, and how it faces."""
-    line = line_of(path, seconds)
+    line = point_path(path, seconds)
     assert line.times is not None
     assert line.facing is not None
-    assert len(line.points) == len(line.times) == len(line.facing) <= POINTS
+    assert len(line.points) == len(line.times) == len(line.facing) <= MOST_PATH_POINTS
     assert line.times[0] == 0.0
     assert (np.diff(line.times) > 0.0).all()
     at = np.linspace(0.0, seconds, len(path))
@@ -48,7 +48,7 @@ def test_a_bend_and_a_halt_are_kept() -> None:
 def test_points_are_places_of_the_path_with_their_times_and_facings() -> None:
     t = np.linspace(0.0, 1.0, 61)
     path = np.stack([t**2, np.sin(3.0 * t), 2.0 * t], axis=-1)
-    line = line_of(path, 3.0)
+    line = point_path(path, 3.0)
     assert line.times is not None
     rows = np.rint(np.array(line.times) * 20.0).astype(int)
     np.testing.assert_allclose(line.times, rows / 20.0, atol=1e-4)
@@ -60,7 +60,7 @@ def test_points_are_places_of_the_path_with_their_times_and_facings() -> None:
 def test_where_somebody_stands_one_point_is_enough() -> None:
     path = np.zeros((60, 3))
     path[:, 0] = np.linspace(0.0, 0.01, 60)
-    line = line_of(path, 2.0)
+    line = point_path(path, 2.0)
     assert line.points == [(0.0, 0.0)]
     assert line.times == [0.0]
 
@@ -68,7 +68,7 @@ def test_where_somebody_stands_one_point_is_enough() -> None:
 def test_a_path_that_returns_to_where_it_began_has_both_ends() -> None:
     t = np.linspace(0.0, 2.0 * np.pi, 60)
     path = np.stack([np.sin(t), 1.0 - np.cos(t), t], axis=-1)
-    line = line_of(path, 2.0)
+    line = point_path(path, 2.0)
     assert line.points[0] == line.points[-1] == (0.0, 0.0)
     assert line.times is not None
     assert line.times[-1] == 2.0
@@ -82,10 +82,10 @@ def test_points_are_few_and_apart_and_lead_along_the_path(seed: int, count: int,
     step = pace * np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
     path = np.concatenate([np.cumsum(step, axis=0), yaw[:, None]], axis=-1)
     place, _ = followed(path, count / 30)
-    assert np.abs(place - path[:, :2]).max() < 2.0 * APART + 8.0 * pace
-    points = np.array(line_of(path, count / 30).points)
+    assert np.abs(place - path[:, :2]).max() < 2.0 * POINT_SPACING + 8.0 * pace
+    points = np.array(point_path(path, count / 30).points)
     if len(points) > 2:
-        assert np.linalg.norm(np.diff(points, axis=0), axis=-1).min() > APART - 2e-4
+        assert np.linalg.norm(np.diff(points, axis=0), axis=-1).min() > POINT_SPACING - 2e-4
 
 
 def found_of(styles: list[str | None], refuses: str | None) -> Callable[..., list[Proposal]]:
@@ -110,11 +110,11 @@ def test_a_way_tells_what_it_took_and_another_style_serves_where_its_own_leads_n
     styles: list[str | None] = []
     monkeypatch.setattr(gallery_paths.proposals, "propose", found_of(styles, refuses))
     gallery = models["dcmoe"].gallery
-    (way,) = gallery_paths.ways(gallery, clip, clip.motion[:1], clip.motion[3:], 60, "Angry", 1, 0)
+    (way,) = gallery_paths.find_paths(gallery, clip, clip.motion[:1], clip.motion[3:], 60, "Angry", 1, 0)
     assert styles == asked
     assert (way.frames, way.style, way.fit, way.composed) == (69, "Angry", 0.5, True)
 
 
 def test_without_a_gallery_no_ways_are_known(clip: Clip) -> None:
-    with pytest.raises(InputError, match="the model has no gallery, so no ways are known"):
-        gallery_paths.ways(None, clip, clip.motion[:1], clip.motion[2:], 30, None, 4, 0)
+    with pytest.raises(InputError, match="the model has no gallery; draw a path"):
+        gallery_paths.find_paths(None, clip, clip.motion[:1], clip.motion[2:], 30, None, 4, 0)

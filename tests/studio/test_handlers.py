@@ -15,18 +15,18 @@ from interpose.motion import Motion, concatenate
 from interpose.studio import handlers, messages, pose_rows
 from interpose.studio.methods import Sessions
 from interpose.studio.protocol import (
-    ASKED,
+    CLIENT_MESSAGE,
     Candidates,
+    GalleryPaths,
     Generate,
     LibraryPoses,
-    Line,
-    Posed,
-    Suggest,
-    Suggested,
-    Told,
-    Ways,
+    MirroredPose,
+    PointPath,
+    ServerMessage,
+    SuggestDuration,
+    SuggestedDurations,
 )
-from interpose.studio.rigs import Clip, Shelf, Unknown
+from interpose.studio.rigs import Clip, RigStore, UnknownRig
 
 FRAMES = 30
 
@@ -37,12 +37,14 @@ def ends(clip: Clip, start: int = 1, target: int = 2) -> dict[str, ndarray]:
     return {"start": whole[start : start + 1], "target": whole[target : target + 1]}
 
 
-def asked(models: Sessions, clip: Clip, kind: str, arrays: dict[str, ndarray], **fields: Any) -> tuple[Told, Any]:
+def ask(
+    models: Sessions, clip: Clip, kind: str, arrays: dict[str, ndarray], **fields: Any
+) -> tuple[ServerMessage, Any]:
     """The answer, as the browser gets it: through both envelopes."""
-    shelf = Shelf()
-    shelf._kept[clip.id] = clip
-    header, given = messages.unpack(question(kind, clip.id, arrays, **fields), ASKED)
-    told, made = handlers.answer(header, given, shelf, models)
+    store = RigStore()
+    store._kept[clip.id] = clip
+    header, given = messages.unpack(question(kind, clip.id, arrays, **fields), CLIENT_MESSAGE)
+    told, made = handlers.answer(header, given, store, models)
     messages.pack(told, made)
     return told, made
 
@@ -51,7 +53,7 @@ def generate(models: Sessions, clip: Clip, arrays: dict[str, ndarray] | None = N
     given = {
         "gap": "g", "frames": FRAMES, "method": "dcmoe", "path": {"kind": "auto"}, "variants": 1, "seed": 0, **fields
     }  # fmt: skip
-    told, made = asked(models, clip, "generate", ends(clip) if arrays is None else arrays, **given)
+    told, made = ask(models, clip, "generate", ends(clip) if arrays is None else arrays, **given)
     assert isinstance(told, Candidates)
     assert (told.id, told.gap) == (1, "g")
     assert made["frames"].shape == (len(told.infos), given["frames"], pose_rows.width(clip.motion))
@@ -136,7 +138,7 @@ def test_style_and_blend_reach_the_model(models: Sessions, clip: Clip) -> None:
 
 
 @pytest.mark.parametrize(
-    ("style", "blend", "said"),
+    ("style", "blend", "expected"),
     [
         (None, None, None),
         ("A", None, "A"),
@@ -148,14 +150,16 @@ def test_style_and_blend_reach_the_model(models: Sessions, clip: Clip) -> None:
         ("A", ("A", 0.4), "A"),
     ],
 )
-def test_a_blend_is_spelled_as_requests_have_it(style: str | None, blend: Any, said: str | None) -> None:
+def test_a_blend_is_spelled_as_requests_have_it(style: str | None, blend: Any, expected: str | None) -> None:
     held = None if blend is None else {"style": blend[0], "share": blend[1]}
-    ask = Suggest.model_validate({"type": "suggest", "id": 1, "rig": "a", "arrays": {}, "style": style, "blend": held})
-    assert handlers.style_of(ask) == said
+    ask = SuggestDuration.model_validate(
+        {"type": "suggest", "id": 1, "rig": "a", "arrays": {}, "style": style, "blend": held}
+    )
+    assert handlers.style_of(ask) == expected
 
 
 def test_a_share_needs_a_style(models: Sessions, clip: Clip) -> None:
-    with pytest.raises(InputError, match="a share of style 'Angry' needs a style to be a share of"):
+    with pytest.raises(InputError, match="a blend with style 'Angry' needs a first style"):
         generate(models, clip, blend={"style": "Angry", "share": 0.3})
 
 
@@ -168,12 +172,12 @@ def test_a_style_that_is_none_is_told(models: Sessions, clip: Clip, style: str) 
 CURVE = [[0.0, 0.5], [0.5, 0.6], [0.6, 1.0], [0.1, 1.2]]
 
 
-def line(points: Any, **fields: Any) -> dict[str, Any]:
-    return {"kind": "line", "points": points, **fields}
+def through(points: Any, **fields: Any) -> dict[str, Any]:
+    return {"kind": "waypoints", "points": points, **fields}
 
 
 def test_a_drawn_line_is_followed(models: Sessions, clip: Clip) -> None:
-    told, frames = generate(models, clip, frames=60, path=line(CURVE))
+    told, frames = generate(models, clip, frames=60, path=through(CURVE))
     assert told.infos[0].trajectory == "drawn"
     assert told.infos[0].path_deviation is not None
     assert told.infos[0].path_deviation < 0.1
@@ -187,16 +191,16 @@ def test_a_drawn_line_is_followed(models: Sessions, clip: Clip) -> None:
 def test_points_that_repeat_are_one(models: Sessions, clip: Clip) -> None:
     times = [0.0, 0.1, 0.7, 0.8, 1.4, 2.0]
     twice = [CURVE[0], CURVE[0], CURVE[1], [CURVE[1][0] + 1e-7, CURVE[1][1]], CURVE[2], CURVE[3]]
-    _, one = generate(models, clip, live=True, path=line(twice))
-    _, other = generate(models, clip, live=True, path=line(CURVE))
+    _, one = generate(models, clip, live=True, path=through(twice))
+    _, other = generate(models, clip, live=True, path=through(CURVE))
     np.testing.assert_allclose(one, other, atol=1e-5)
-    _, one = generate(models, clip, frames=60, live=True, path=line(twice, times=times))
-    _, other = generate(models, clip, frames=60, live=True, path=line(CURVE, times=[0.0, 0.7, 1.4, 2.0]))
+    _, one = generate(models, clip, frames=60, live=True, path=through(twice, times=times))
+    _, other = generate(models, clip, frames=60, live=True, path=through(CURVE, times=[0.0, 0.7, 1.4, 2.0]))
     np.testing.assert_allclose(one, other, atol=1e-5)
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "expected"),
     [
         ({"times": [0.0, 1.0]}, "times has 2 entries for 4 points"),
         ({"facing": [0.0]}, "facing has 1 entries for 4 points"),
@@ -204,13 +208,13 @@ def test_points_that_repeat_are_one(models: Sessions, clip: Clip) -> None:
         ({"points": [[0.0, 0.5], [2e4, 0.0]]}, "give a number of 10000 at most"),
     ],
 )
-def test_a_line_that_cannot_be_is_told(models: Sessions, clip: Clip, fields: Any, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        generate(models, clip, path={**line(CURVE), **fields})
+def test_a_line_that_cannot_be_is_told(models: Sessions, clip: Clip, fields: Any, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        generate(models, clip, path={**through(CURVE), **fields})
 
 
 def test_facing_is_asked_in_radians(models: Sessions, clip: Clip) -> None:
-    sideways = line([[0.0, 0.5], [0.05, 0.85], [0.1, 1.2]], facing=[0.0, 1.5, 0.2])
+    sideways = through([[0.0, 0.5], [0.05, 0.85], [0.1, 1.2]], facing=[0.0, 1.5, 0.2])
     _, frames = generate(models, clip, frames=60, live=True, path=sideways)
     hips = frames[0][:, 3:7]
     yaw = 2.0 * np.arctan2(hips[:, 1], hips[:, 3])
@@ -218,23 +222,23 @@ def test_facing_is_asked_in_radians(models: Sessions, clip: Clip) -> None:
 
 
 def test_ways_asked_for_again_as_lines_lead_the_same_way(models: Sessions, clip: Clip) -> None:
-    told, _ = asked(models, clip, "paths", ends(clip, 0, 3), frames=60, count=4, seed=0)
-    assert isinstance(told, Ways)
+    told, _ = ask(models, clip, "paths", ends(clip, 0, 3), frames=60, count=4, seed=0)
+    assert isinstance(told, GalleryPaths)
     assert told.reason is None
-    assert 2 <= len(told.ways) <= 4
-    for way in told.ways:
-        assert not way.line.drawn
-        assert len(way.line.points) <= 40
+    assert 2 <= len(told.paths) <= 4
+    for way in told.paths:
+        assert not way.path.drawn
+        assert len(way.path.points) <= 40
         assert 0.0 < way.fit <= 1.0
         assert way.frames >= 1
-        assert way.line.times is not None
-        assert way.line.times[0] == 0.0
-        assert way.line.times[-1] == pytest.approx(61 / 30, abs=1e-3)
-        assert np.diff(way.line.times).min() > 0.0
-        header, frames = generate(models, clip, ends(clip, 0, 3), frames=60, path=way.line.model_dump())
+        assert way.path.times is not None
+        assert way.path.times[0] == 0.0
+        assert way.path.times[-1] == pytest.approx(61 / 30, abs=1e-3)
+        assert np.diff(way.path.times).min() > 0.0
+        header, frames = generate(models, clip, ends(clip, 0, 3), frames=60, path=way.path.model_dump())
         assert header.infos[0].path_deviation < 0.15
         root = frames[0][:, [0, 2]]
-        points, times = np.array(way.line.points), np.array(way.line.times)
+        points, times = np.array(way.path.points), np.array(way.path.times)
         expected = np.stack([np.interp(np.arange(1, 61) / 30, times, points[:, i]) for i in (0, 1)], axis=-1)
         assert np.linalg.norm(root - expected, axis=-1).mean() < 0.15
 
@@ -244,30 +248,30 @@ def test_ways_lead_from_key_to_key_on_a_rig_of_any_size(models: Sessions, factor
     skeleton = replace(walk().skeleton, offsets=walk().skeleton.offsets * factor)
     clip = opened(replace(walk(), skeleton=skeleton, root_positions=walk().root_positions * factor))
     keys = ends(clip, 0, 3)
-    told, _ = asked(models, clip, "paths", keys, frames=60, count=4, seed=0)
-    assert isinstance(told, Ways)
-    assert told.ways
-    for way in told.ways:
-        for point, key in ((way.line.points[0], keys["start"]), (way.line.points[-1], keys["target"])):
+    told, _ = ask(models, clip, "paths", keys, frames=60, count=4, seed=0)
+    assert isinstance(told, GalleryPaths)
+    assert told.paths
+    for way in told.paths:
+        for point, key in ((way.path.points[0], keys["start"]), (way.path.points[-1], keys["target"])):
             assert np.linalg.norm(np.array(point) - key[0, [0, 2]]) < 0.06 * factor
 
 
 def test_ways_differ_and_come_in_the_order_of_their_fit_or_say_why_not(models: Sessions, clip: Clip) -> None:
-    told, _ = asked(models, clip, "paths", ends(clip), frames=1, count=3, seed=0)
-    assert isinstance(told, Ways)
-    assert (told.reason is None) == bool(told.ways)
+    told, _ = ask(models, clip, "paths", ends(clip), frames=1, count=3, seed=0)
+    assert isinstance(told, GalleryPaths)
+    assert (told.reason is None) == bool(told.paths)
     far = ends(clip)
     far["target"] = far["target"].copy()
     far["target"][0, 2] += 500.0
-    told, _ = asked(models, clip, "paths", far, frames=30, count=3, seed=0)
-    assert isinstance(told, Ways)
-    assert told.ways == []
+    told, _ = ask(models, clip, "paths", far, frames=30, count=3, seed=0)
+    assert isinstance(told, GalleryPaths)
+    assert told.paths == []
     assert told.reason
 
 
 def test_how_long_a_gap_should_take(models: Sessions, clip: Clip) -> None:
-    told, made = asked(models, clip, "suggest", ends(clip, 0, 3))
-    assert isinstance(told, Suggested)
+    told, made = ask(models, clip, "suggest", ends(clip, 0, 3))
+    assert isinstance(told, SuggestedDurations)
     assert made == {}
     assert 10 < told.frames < 200
     found = {each.speed: each.frames for each in told.alternatives}
@@ -278,20 +282,20 @@ def test_how_long_a_gap_should_take(models: Sessions, clip: Clip) -> None:
 
 
 def test_the_poses_that_ship_come_on_the_rig(models: Sessions, clip: Clip) -> None:
-    told, made = asked(models, clip, "library", {})
+    told, made = ask(models, clip, "library", {})
     assert isinstance(told, LibraryPoses)
     assert len(told.names) == len(made["poses"])
-    with pytest.raises(InputError, match="the arrays none are needed here, but given are pose"):
-        asked(models, clip, "library", {"pose": ends(clip)["start"]})
+    with pytest.raises(InputError, match="needs the arrays none, got pose"):
+        ask(models, clip, "library", {"pose": ends(clip)["start"]})
 
 
 def test_a_pose_is_mirrored(models: Sessions, clip: Clip) -> None:
     pose = ends(clip)["start"]
-    told, made = asked(models, clip, "mirror", {"pose": pose})
-    assert isinstance(told, Posed)
+    told, made = ask(models, clip, "mirror", {"pose": pose})
+    assert isinstance(told, MirroredPose)
     assert made["pose"].shape == pose.shape
     assert np.abs(made["pose"] - pose).max() > 0.05
-    _, again = asked(models, clip, "mirror", {"pose": made["pose"]})
+    _, again = ask(models, clip, "mirror", {"pose": made["pose"]})
     one, other = (pose_rows.to_motion(each, clip.motion, "it") for each in (again["pose"], pose))
     np.testing.assert_allclose(one.global_positions(), other.global_positions(), atol=1e-5)
 
@@ -311,34 +315,34 @@ def test_a_rig_that_is_no_humanoid_gets_interpolation_and_words(models: Sessions
         assert info.method == "interp"
         assert info.foot_slide is None
         assert (info.fallback is None) == (method == "interp")
-        assert info.fallback is None or "no humanoid" in info.fallback
-    told, _ = asked(models, other, "paths", keys, frames=30, count=3, seed=0)  # type: ignore[assignment]
-    assert isinstance(told, Ways)
-    assert told.ways == []
-    assert "no humanoid" in str(told.reason)
+        assert info.fallback is None or "humanoid" in info.fallback
+    told, _ = ask(models, other, "paths", keys, frames=30, count=3, seed=0)  # type: ignore[assignment]
+    assert isinstance(told, GalleryPaths)
+    assert told.paths == []
+    assert "humanoid" in str(told.reason)
     for kind, arrays in (("suggest", keys), ("mirror", {"pose": keys["start"]}), ("library", {})):
-        with pytest.raises(InputError, match="no humanoid"):
-            asked(models, other, kind, arrays)
+        with pytest.raises(InputError, match="humanoid"):
+            ask(models, other, kind, arrays)
 
 
 @pytest.mark.parametrize(
-    ("arrays", "said"),
+    ("arrays", "expected"),
     [
-        ({}, "the arrays start, target are needed here, but given are none"),
-        ({"start": np.zeros((1, 91))}, "but given are start"),
-        ({"start": np.zeros((1, 91)), "target": np.zeros((1, 91)), "x": np.zeros(1)}, "given are start, target, x"),
+        ({}, "needs the arrays start, target, got none"),
+        ({"start": np.zeros((1, 91))}, "got start"),
+        ({"start": np.zeros((1, 91)), "target": np.zeros((1, 91)), "x": np.zeros(1)}, "got start, target, x"),
         ({"start": np.zeros((1, 91)), "target": np.zeros((1, 91))}, "start: the rotation of Hips in frame 0"),
-        ({"start": np.zeros(()), "target": np.zeros((1, 91))}, "start has the shape ; a pose"),
-        ({"start": np.zeros(91), "target": np.zeros((1, 91))}, "start has the shape 91; a pose"),
-        ({"start": np.zeros((0, 91)), "target": np.zeros((1, 91))}, "start has the shape 0x91; a pose"),
-        ({"start": np.zeros((1, 90)), "target": np.zeros((1, 91))}, "a pose of this rig has 91 numbers"),
+        ({"start": np.zeros(()), "target": np.zeros((1, 91))}, "start has the shape ; it needs"),
+        ({"start": np.zeros(91), "target": np.zeros((1, 91))}, "start has the shape 91; it needs"),
+        ({"start": np.zeros((0, 91)), "target": np.zeros((1, 91))}, "start has the shape 0x91; it needs"),
+        ({"start": np.zeros((1, 90)), "target": np.zeros((1, 91))}, "one row of 91 numbers"),
     ],
 )
-def test_arrays_that_are_no_poses_are_told(models: Sessions, clip: Clip, arrays: Any, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_arrays_that_are_no_poses_are_told(models: Sessions, clip: Clip, arrays: Any, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
         generate(models, clip, arrays)
     with pytest.raises(InputError, match="pose"):
-        asked(models, clip, "mirror", {"pose": arrays.get("start", np.zeros(()))})
+        ask(models, clip, "mirror", {"pose": arrays.get("start", np.zeros(()))})
 
 
 def test_frames_before_and_after_the_keys_count_but_only_so_many(models: Sessions, clip: Clip) -> None:
@@ -367,14 +371,16 @@ def test_a_method_without_a_model_is_told(models: Sessions, clip: Clip) -> None:
 
 
 def test_a_rig_that_is_not_there_is_unknown(models: Sessions) -> None:
-    header, arrays = messages.unpack(question("library", "none"), ASKED)
-    with pytest.raises(Unknown):
-        handlers.answer(header, arrays, Shelf(), models)
+    header, arrays = messages.unpack(question("library", "none"), CLIENT_MESSAGE)
+    with pytest.raises(UnknownRig):
+        handlers.answer(header, arrays, RigStore(), models)
 
 
 def test_a_line_keeps_what_was_drawn() -> None:
-    ask = Line(kind="line", points=[(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)], times=[0.0, 1.0, 2.0], facing=[3.0, 4.0, 5.0])
-    drawn = handlers._line(ask).whole
+    ask = PointPath(
+        kind="waypoints", points=[(0.0, 1.0), (0.0, 1.0), (0.0, 2.0)], times=[0.0, 1.0, 2.0], facing=[3.0, 4.0, 5.0]
+    )
+    drawn = handlers._path_file(ask).whole
     assert drawn is not None
     assert drawn.times is not None
     assert drawn.facing is not None
@@ -384,5 +390,7 @@ def test_a_line_keeps_what_was_drawn() -> None:
 
 def test_the_questions_name_is_that_of_the_method(models: Sessions, clip: Clip) -> None:
     with pytest.raises(InputError, match="'cancel' has no answer"):
-        handlers.answer(messages.unpack(b'\x20\0\0\0{"type":"cancel","gap":"g"}     ', ASKED)[0], {}, Shelf(), models)
+        handlers.answer(
+            messages.unpack(b'\x20\0\0\0{"type":"cancel","gap":"g"}     ', CLIENT_MESSAGE)[0], {}, RigStore(), models
+        )
     assert Generate.model_fields["live"].default is False

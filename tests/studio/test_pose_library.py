@@ -76,5 +76,5 @@ def test_where_the_files_first_frame_is_makes_no_difference() -> None:
 
 
 def test_a_rig_that_is_no_humanoid_has_none(other: Clip) -> None:
-    with pytest.raises(InputError, match="this rig is no humanoid"):
+    with pytest.raises(InputError, match="this rig is not a humanoid"):
         pose_library.posed(other)

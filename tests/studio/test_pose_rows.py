@@ -66,7 +66,7 @@ def test_quaternions_that_are_not_unit_are_refused_with_their_place(scale: float
 
 @pytest.mark.parametrize("shape", [(), (91,), (0, 91), (2, 90), (2, 92), (1, 2, 91), (0, 0), (91, 0)])
 def test_other_shapes_are_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InputError, match=r"^start has the shape .*; a pose of this rig has 91 numbers"):
+    with pytest.raises(InputError, match=r"^start has the shape .*; it needs one row of 91 numbers"):
         pose_rows.to_motion(np.zeros(shape, np.float32), STAND, "start")
 
 
@@ -75,7 +75,7 @@ def test_what_is_too_far_away_is_refused() -> None:
     for column in (0, 2, 100):
         far = row.copy()
         far[1, column] = -2e5
-        with pytest.raises(InputError, match="more than 100000 m away"):
+        with pytest.raises(InputError, match="more than 100000 m from the origin"):
             pose_rows.to_motion(far, moved(walk()), "it")
 
 

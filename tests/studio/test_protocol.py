@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from interpose.studio import protocol
-from interpose.studio.protocol import Part, schema
+from interpose.studio.protocol import ProtocolModel, schema
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 
@@ -24,24 +24,26 @@ def members(union: Any) -> set[str]:
 
 def models() -> list[type[BaseModel]]:
     return [
-        one for one in vars(protocol).values() if isinstance(one, type) and issubclass(one, Part) and one is not Part
+        one
+        for one in vars(protocol).values()
+        if isinstance(one, type) and issubclass(one, ProtocolModel) and one is not ProtocolModel
     ]
 
 
 def test_the_schema_lists_all_messages() -> None:
     made = schema()
-    for root, union in (("Asked", protocol.Asked), ("Told", protocol.Told)):
+    for root, union in (("ClientMessage", protocol.ClientMessage), ("ServerMessage", protocol.ServerMessage)):
         listed = {one["$ref"].removeprefix("#/$defs/") for one in made["$defs"][root]["anyOf"]}
         assert listed == members(union)
         assert len(listed) >= 6
-    assert set(made["required"]) == {"asked", "told", "rig", "export", "refusal", "opened"}
+    assert set(made["required"]) == {"ClientMessage", "ServerMessage", "Rig", "Export", "Refusal", "Opened"}
     for name in made["properties"].values():
         assert name["$ref"].removeprefix("#/$defs/") in made["$defs"]
 
 
 def test_every_part_is_in_the_schema_with_all_its_fields() -> None:
     made = schema()["$defs"]
-    inner = {"Part", "Ends"}  # what others are made from
+    inner = {"ProtocolModel", "GapMessage"}  # what others are made from
     for one in models():
         if one.__name__ not in inner:
             assert set(made[one.__name__]["required"]) == set(one.model_fields), one.__name__
@@ -49,7 +51,7 @@ def test_every_part_is_in_the_schema_with_all_its_fields() -> None:
 
 
 def test_every_message_says_its_type_and_its_arrays() -> None:
-    for union in (protocol.Asked, protocol.Told):
+    for union in (protocol.ClientMessage, protocol.ServerMessage):
         kinds = []
         for one in typing.get_args(typing.get_args(union)[0]):
             (kind,) = typing.get_args(typing.get_type_hints(one)["type"])

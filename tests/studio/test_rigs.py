@@ -21,7 +21,7 @@ from interpose.skeleton import HUMANOID, Skeleton
 from interpose.studio import pose_rows, rigs
 from interpose.studio.messages import shapes
 from interpose.studio.protocol import Rig
-from interpose.studio.rigs import Shelf, Unknown
+from interpose.studio.rigs import RigStore, UnknownRig
 
 
 def file(number: int) -> bytes:
@@ -30,55 +30,55 @@ def file(number: int) -> bytes:
 
 
 def told(motion: Motion) -> tuple[Rig, dict[str, ndarray]]:
-    return rigs.told(opened(motion), "a.bvh")
+    return rigs.describe(opened(motion), "a.bvh")
 
 
 def test_the_same_bytes_are_the_same_rig_and_are_read_once() -> None:
-    shelf = Shelf()
-    one = shelf.open(file(1), "one.bvh")
-    assert shelf.open(file(1), "again.bvh") is one
-    assert shelf.get(one.id) is one
-    other = shelf.open(file(2), "one.bvh")
+    store = RigStore()
+    one = store.open(file(1), "one.bvh")
+    assert store.open(file(1), "again.bvh") is one
+    assert store.get(one.id) is one
+    other = store.open(file(2), "one.bvh")
     assert other.id != one.id
-    assert shelf.get(other.id).motion.root_positions[0, 0] == pytest.approx(2.0)
+    assert store.get(other.id).motion.root_positions[0, 0] == pytest.approx(2.0)
 
 
 def test_what_is_not_there_is_unknown() -> None:
-    with pytest.raises(Unknown, match="open its file again"):
-        Shelf().get("x")
+    with pytest.raises(UnknownRig, match="open its file again"):
+        RigStore().get("x")
 
 
 def test_what_cannot_be_read_is_not_kept() -> None:
-    shelf = Shelf()
+    store = RigStore()
     with pytest.raises(InputError, match=r"broken\.bvh"):
-        shelf.open(b"HIERARCHY\n", "broken.bvh")
-    with pytest.raises(Unknown):
-        shelf.get(rigs.identity(b"HIERARCHY\n"))
+        store.open(b"HIERARCHY\n", "broken.bvh")
+    with pytest.raises(UnknownRig):
+        store.get(rigs.identity(b"HIERARCHY\n"))
 
 
 def test_only_so_many_are_kept_those_used_last() -> None:
-    shelf = Shelf(most=3)
-    ids = [shelf.open(file(i), "a.bvh").id for i in range(3)]
-    shelf.get(ids[0])
-    shelf.open(file(1), "a.bvh")  # used, too
-    ids.append(shelf.open(file(3), "a.bvh").id)
-    with pytest.raises(Unknown):
-        shelf.get(ids[2])
-    assert [shelf.get(ids[i]).id for i in (0, 1, 3)] == [ids[0], ids[1], ids[3]]
+    store = RigStore(most=3)
+    ids = [store.open(file(i), "a.bvh").id for i in range(3)]
+    store.get(ids[0])
+    store.open(file(1), "a.bvh")  # used, too
+    ids.append(store.open(file(3), "a.bvh").id)
+    with pytest.raises(UnknownRig):
+        store.get(ids[2])
+    assert [store.get(ids[i]).id for i in (0, 1, 3)] == [ids[0], ids[1], ids[3]]
 
 
 def test_only_so_many_bytes_are_kept_but_the_newest_always() -> None:
     size = opened(STAND).size
     assert size > len(file(0).split(b"Frame Time")[1])
-    shelf = Shelf(room=2 * size + size // 2)
-    ids = [shelf.open(file(i), "a.bvh").id for i in range(3)]
-    with pytest.raises(Unknown):
-        shelf.get(ids[0])
-    assert shelf.get(ids[1])
-    small = Shelf(room=1)
+    store = RigStore(room=2 * size + size // 2)
+    ids = [store.open(file(i), "a.bvh").id for i in range(3)]
+    with pytest.raises(UnknownRig):
+        store.get(ids[0])
+    assert store.get(ids[1])
+    small = RigStore(room=1)
     last = [small.open(file(i), "a.bvh").id for i in range(3)][-1]
     assert small.get(last)
-    with pytest.raises(Unknown):
+    with pytest.raises(UnknownRig):
         small.get(ids[1])
 
 
@@ -138,7 +138,7 @@ def test_another_rig_is_told_why_it_is_none() -> None:
 
 
 def heights(rig: Rig, motion: Motion) -> dict[str, tuple[float, float]]:
-    """For each joint of the feet, how high it is said to be, and how high it is in the first frame."""
+    """For each joint of the feet, how high it is expected to be, and how high it is in the first frame."""
     name_of = {joint: name for name, joint in rig.humanoid.items()}
     at = motion.global_positions()[0, :, 1]
     return {name_of[foot.joint]: (foot.height, float(at[foot.joint])) for foot in rig.feet}
@@ -147,12 +147,12 @@ def heights(rig: Rig, motion: Motion) -> dict[str, tuple[float, float]]:
 def check_heights(found: dict[str, tuple[float, float]], size: float = 1.0) -> None:
     """Our figure's soles are 5 mm thicker than those that contacts are judged by, and its soles are quite flat."""
     assert tuple(found) == JOINTS
-    for name, (said, there) in found.items():
+    for name, (expected, there) in found.items():
         if name.endswith("Toe"):
-            assert said == pytest.approx(there, abs=0.006 * size)
+            assert expected == pytest.approx(there, abs=0.006 * size)
         else:
-            assert said == pytest.approx(there, abs=0.02 * size)
-            assert said > 0.06 * size
+            assert expected == pytest.approx(there, abs=0.02 * size)
+            assert expected > 0.06 * size
 
 
 def test_feet_stand_at_the_height_that_is_told() -> None:

@@ -6,15 +6,15 @@ import numpy as np
 
 from interpose.studio import projects
 from interpose.studio.methods import Sessions
-from interpose.studio.rigs import Clip, Shelf, identity
+from interpose.studio.rigs import Clip, RigStore, identity
 from interpose.studio.sample import sample
 
 
 def test_the_sample_is_a_project_like_any_other() -> None:
-    shelf = Shelf()
-    made = projects.read(sample().model_dump_json().encode(), shelf)
+    store = RigStore()
+    made = projects.read(sample().model_dump_json().encode(), store)
     assert made == sample()
-    clip = shelf.get(identity(made.source.text.encode()))
+    clip = store.get(identity(made.source.text.encode()))
     assert isinstance(clip, Clip)
     assert len(clip.motion) == len(made.keys)
     assert clip.humanoid.profile == "LaFAN1"

@@ -14,11 +14,11 @@ from studio_rigs import envelope
 
 from interpose.errors import InputError
 from interpose.studio import messages
-from interpose.studio import scheduler as desks
+from interpose.studio import scheduler as scheduler
 from interpose.studio.handlers import Answer
-from interpose.studio.protocol import TOLD, Asked, Candidates, Dropped, Failed, Told
-from interpose.studio.rigs import Unknown
-from interpose.studio.scheduler import Bucket, Desk, Refused, Workshop
+from interpose.studio.protocol import SERVER_MESSAGE, Candidates, ClientMessage, Dropped, Failed, ServerMessage
+from interpose.studio.rigs import UnknownRig
+from interpose.studio.scheduler import Disconnect, RateLimit, RequestQueue, WorkerPool
 
 PATIENCE = 20.0
 """Seconds after which a test that hangs fails."""
@@ -59,16 +59,16 @@ class Work:
         self._gates: dict[int, threading.Event] = {}
         self._loop = asyncio.get_running_loop()
 
-    def __call__(self, asked: Asked, arrays: Mapping[str, ndarray]) -> Answer:
-        assert asked.type != "cancel"
-        self._loop.call_soon_threadsafe(self.began.put_nowait, asked.id)
-        assert self._gate(asked.id).wait(PATIENCE)
-        if asked.id in self.raises:
-            raise self.raises[asked.id]
-        frames = {"frames": np.full((1, 1, 3), asked.id, np.float32)}
-        gap = getattr(asked, "gap", "-")
+    def __call__(self, message: ClientMessage, arrays: Mapping[str, ndarray]) -> Answer:
+        assert message.type != "cancel"
+        self._loop.call_soon_threadsafe(self.began.put_nowait, message.id)
+        assert self._gate(message.id).wait(PATIENCE)
+        if message.id in self.raises:
+            raise self.raises[message.id]
+        frames = {"frames": np.full((1, 1, 3), message.id, np.float32)}
+        gap = getattr(message, "gap", "-")
         told = Candidates(
-            type="candidates", id=asked.id, gap=gap, live=False, infos=[], seconds=0.0, arrays=messages.shapes(frames)
+            type="candidates", id=message.id, gap=gap, live=False, infos=[], seconds=0.0, arrays=messages.shapes(frames)
         )
         return told, frames
 
@@ -84,29 +84,29 @@ class Work:
 
 
 class Window:
-    """A desk and what its browser was sent."""
+    """A queue and what its browser was sent."""
 
-    def __init__(self, shop: Workshop) -> None:
-        self.inbox: asyncio.Queue[Told] = asyncio.Queue()
+    def __init__(self, shop: WorkerPool) -> None:
+        self.inbox: asyncio.Queue[ServerMessage] = asyncio.Queue()
         self.takes = asyncio.Event()
         self.takes.set()
-        self.desk = Desk(shop, self._send)
-        self.writer = asyncio.create_task(self.desk.write())
+        self.queue = RequestQueue(shop, self._send)
+        self.writer = asyncio.create_task(self.queue.write())
 
     async def _send(self, data: bytes) -> None:
         await self.takes.wait()
-        self.inbox.put_nowait(messages.unpack(data, TOLD)[0])
+        self.inbox.put_nowait(messages.unpack(data, SERVER_MESSAGE)[0])
 
     def ask(self, *messages: bytes) -> None:
         for message in messages:
-            self.desk.take(message)
+            self.queue.take(message)
 
     async def told(self) -> tuple[str, int]:
         one = await self.inbox.get()
         return one.type, getattr(one, "id", -1)
 
 
-Scene = Callable[[Work, Workshop], Awaitable[None]]
+Scene = Callable[[Work, WorkerPool], Awaitable[None]]
 
 
 def play(scene: Scene, at_once: int = 2) -> None:
@@ -114,7 +114,7 @@ def play(scene: Scene, at_once: int = 2) -> None:
 
     async def run() -> None:
         work = Work()
-        shop = Workshop(work, at_once)
+        shop = WorkerPool(work, at_once)
         try:
             await asyncio.wait_for(scene(work, shop), PATIENCE)
         finally:
@@ -136,19 +136,19 @@ async def settled() -> None:
 
 
 def test_a_question_is_answered() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1))
         assert await work.begins() == 1
         work.let(1)
         assert await one.told() == ("candidates", 1)
-        assert one.desk.waiting == one.desk.running == []
+        assert one.queue.waiting == one.queue.running == []
 
     play(scene)
 
 
 def test_a_newer_question_takes_the_place_of_one_that_waits() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"))
         assert await work.begins() == 1
@@ -164,7 +164,7 @@ def test_a_newer_question_takes_the_place_of_one_that_waits() -> None:
 
 
 def test_the_late_answer_of_a_dropped_one_is_not_sent() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1))
         assert await work.begins() == 1
@@ -182,7 +182,7 @@ def test_the_late_answer_of_a_dropped_one_is_not_sent() -> None:
 
 
 def test_a_dropped_one_is_told_of_once() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1))
         assert await work.begins() == 1
@@ -195,7 +195,7 @@ def test_a_dropped_one_is_told_of_once() -> None:
 
 
 def test_cancel_drops_a_gap_that_waits_and_one_that_runs_and_no_other() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"))
         assert await work.begins() == 1
@@ -211,7 +211,7 @@ def test_cancel_drops_a_gap_that_waits_and_one_that_runs_and_no_other() -> None:
 
 
 def test_what_is_told_of_a_dropped_one_is_of_its_gap() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"), cancel("a"))
         assert await one.inbox.get() == Dropped(type="dropped", id=1, gap="a")
@@ -220,7 +220,7 @@ def test_what_is_told_of_a_dropped_one_is_of_its_gap() -> None:
 
 
 def test_what_is_dragged_goes_before_all_else_one_at_a_time() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"))
         assert await work.begins() == 1
@@ -244,7 +244,7 @@ def test_what_is_dragged_goes_before_all_else_one_at_a_time() -> None:
 
 
 def test_one_that_is_not_live_at_a_time_but_other_questions_beside_it() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"))
         assert await work.begins() == 1
@@ -263,7 +263,7 @@ def test_one_that_is_not_live_at_a_time_but_other_questions_beside_it() -> None:
 
 
 def test_the_window_with_the_least_running_is_next_and_windows_take_turns() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one, other = Window(shop), Window(shop)
         one.ask(*(library(i) for i in range(1, 5)))
         assert sorted([await work.begins(), await work.begins()]) == [1, 2]
@@ -277,7 +277,7 @@ def test_the_window_with_the_least_running_is_next_and_windows_take_turns() -> N
 
 
 def test_the_window_with_less_running_is_next_though_its_turn_is_later() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one, other = Window(shop), Window(shop)
         one.ask(library(1))
         other.ask(library(11))
@@ -291,7 +291,7 @@ def test_the_window_with_less_running_is_next_though_its_turn_is_later() -> None
 
 
 def test_of_windows_with_as_much_running_the_one_that_drags_is_next() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one, other, third = Window(shop), Window(shop), Window(shop)
         third.ask(library(1))
         assert await work.begins() == 1
@@ -304,13 +304,13 @@ def test_of_windows_with_as_much_running_the_one_that_drags_is_next() -> None:
 
 
 def test_no_more_is_done_for_a_window_that_does_not_read() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.takes.clear()
         work.let(*range(1, 6))
         one.ask(*(library(i) for i in range(1, 6)))
         began = [await work.begins(), await work.begins()]
-        while one.desk.running:
+        while one.queue.running:
             await asyncio.sleep(0)
         await settled()
         assert work.began.empty()
@@ -327,9 +327,9 @@ def test_no_more_is_done_for_a_window_that_does_not_read() -> None:
 
 
 def test_only_so_much_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desks, "MOST_WAITING", 3)
+    monkeypatch.setattr(scheduler, "MOST_WAITING", 3)
 
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.ask(generate(1, "a"), generate(2, "b"), generate(3, "c"), generate(4, "d"))
         assert one.inbox.empty()
@@ -337,28 +337,28 @@ def test_only_so_much_waits(monkeypatch: pytest.MonkeyPatch) -> None:
         told = await one.inbox.get()
         assert isinstance(told, Failed)
         assert (told.id, told.gap, told.again) == (5, "e", False)
-        assert "3 questions wait for an answer already" in told.reason
+        assert "3 requests are already waiting" in told.reason
         one.ask(generate(6, "d"))  # in place of another
         assert await one.told() == ("dropped", 4)
-        assert [job.asked.id for job in one.desk.waiting] == [2, 3, 6]  # type: ignore[union-attr]
+        assert [job.message.id for job in one.queue.waiting] == [2, 3, 6]  # type: ignore[union-attr]
 
     play(scene)
 
 
 @pytest.mark.parametrize(
-    ("error", "said", "again"),
+    ("error", "expected", "again"),
     [
         (InputError("the gap is too short"), "the gap is too short", False),
-        (Unknown("open its file again"), "open its file again", True),
-        (MemoryError(), "there is not enough memory for this", False),
-        (ZeroDivisionError("secret"), "a fault of its own", False),
-        (RecursionError("secret"), "a fault of its own", False),
+        (UnknownRig("open its file again"), "open its file again", True),
+        (MemoryError(), "not enough memory", False),
+        (ZeroDivisionError("secret"), "internal server error", False),
+        (RecursionError("secret"), "internal server error", False),
     ],
 )
 def test_whatever_goes_wrong_is_told_and_the_window_goes_on(
-    error: Exception, said: str, again: bool, capsys: pytest.CaptureFixture[str]
+    error: Exception, expected: str, again: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one, other = Window(shop), Window(shop)
         work.raises[1] = error
         work.let(1, 2, 3)
@@ -366,7 +366,7 @@ def test_whatever_goes_wrong_is_told_and_the_window_goes_on(
         told = await one.inbox.get()
         assert isinstance(told, Failed)
         assert (told.id, told.gap, told.again) == (1, "g", again)
-        assert said in told.reason
+        assert expected in told.reason
         assert "secret" not in told.reason
         other.ask(library(2))
         assert await other.told() == ("candidates", 2)
@@ -374,59 +374,59 @@ def test_whatever_goes_wrong_is_told_and_the_window_goes_on(
         assert await one.told() == ("candidates", 3)
 
     play(scene)
-    assert ("Traceback" in capsys.readouterr().err) == ("fault" in said)
+    assert ("Traceback" in capsys.readouterr().err) == ("internal" in expected)
 
 
 def test_an_answer_that_does_not_fit_its_header_is_a_fault_that_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    job = desks.Job(messages.unpack(generate(1), desks.ASKED)[0], {}, None)  # type: ignore[arg-type]
+    job = scheduler.Job(messages.unpack(generate(1), scheduler.CLIENT_MESSAGE)[0], {}, None)  # type: ignore[arg-type]
     wrong = Candidates(type="candidates", id=1, gap="g", live=False, infos=[], seconds=0.0, arrays={"frames": [3]})
-    told, _ = messages.unpack(desks._made(lambda *_: (wrong, {}), job), TOLD)
+    told, _ = messages.unpack(scheduler._answer(lambda *_: (wrong, {}), job), SERVER_MESSAGE)
     assert isinstance(told, Failed)
-    assert "the header says" in capsys.readouterr().err
+    assert "the header describes" in capsys.readouterr().err
 
 
 def test_what_was_asked_by_a_window_that_is_gone_is_for_nobody() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one, other = Window(shop), Window(shop)
         one.ask(generate(1, "a"), generate(2, "b"))
         assert await work.begins() == 1
-        one.desk.close()
+        one.queue.close()
         other.ask(library(3))
         work.let(1, 2, 3)
         assert await work.begins() == 3
         assert await other.told() == ("candidates", 3)
-        while one.desk.running:  # its thread may end after the other one's
+        while one.queue.running:  # its thread may end after the other one's
             await asyncio.sleep(0.001)
-        assert one.desk.waiting == []
+        assert one.queue.waiting == []
         assert one.inbox.empty()
 
     play(scene)
 
 
-def refused(window: Window, message: bytes) -> Refused:
-    with pytest.raises(Refused) as caught:
+def refused(window: Window, message: bytes) -> Disconnect:
+    with pytest.raises(Disconnect) as caught:
         window.ask(message)
     return caught.value
 
 
 def test_what_is_no_message_is_refused_with_a_code() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         assert refused(one, b"").code == 1007
         assert "type is missing" in refused(one, envelope({})).reason
-        long = refused(one, b"\0" * (desks.LARGEST_MESSAGE + 1))
+        long = refused(one, b"\0" * (scheduler.LARGEST_MESSAGE + 1))
         assert long.code == 1009
-        assert "a message of 4194305 bytes came; 4194304 are the most" in long.reason
-        assert "it may have 524288" in refused(one, envelope(" " * (desks.LARGEST_HEADER + 4))).reason
+        assert "the message has 4194305 bytes; the limit is 4194304" in long.reason
+        assert "the limit is 524288" in refused(one, envelope(" " * (scheduler.LARGEST_MESSAGE_HEADER + 4))).reason
         assert work.began.empty()
 
     play(scene)
 
 
 def test_answers_that_are_not_read_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desks, "MOST_LEFT", 5)
+    monkeypatch.setattr(scheduler, "MOST_UNREAD", 5)
 
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
         one.takes.clear()
         for number in range(1, 8):
@@ -437,12 +437,12 @@ def test_answers_that_are_not_read_do_not_pile_up(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_window_that_asks_too_often_is_refused() -> None:
-    async def scene(work: Work, shop: Workshop) -> None:
+    async def scene(work: Work, shop: WorkerPool) -> None:
         one = Window(shop)
-        one.desk._bucket = Bucket(clock=lambda: 0.0)
-        one.ask(*[cancel()] * 4 * desks.MOST_MESSAGES)
+        one.queue._limit = RateLimit(clock=lambda: 0.0)
+        one.ask(*[cancel()] * 4 * scheduler.MOST_MESSAGES)
         many = refused(one, cancel())
-        assert (many.code, many.reason) == (1008, "too many messages: 60 a second are served; send fewer")
+        assert (many.code, many.reason) == (1008, "too many messages; send at most 60 per second")
         Window(shop).ask(cancel())  # another is not
 
     play(scene)
@@ -450,14 +450,14 @@ def test_a_window_that_asks_too_often_is_refused() -> None:
 
 def test_so_many_messages_at_once_and_so_many_a_second() -> None:
     now = 100.0
-    bucket = Bucket(8.0, lambda: now)
-    assert [bucket.take() for _ in range(33)] == [True] * 32 + [False]
+    limit = RateLimit(8.0, lambda: now)
+    assert [limit.take() for _ in range(33)] == [True] * 32 + [False]
     now += 0.0625
-    assert not bucket.take()
+    assert not limit.take()
     now += 0.0625
-    assert bucket.take()
-    assert not bucket.take()
+    assert limit.take()
+    assert not limit.take()
     now += 2.0
-    assert [bucket.take() for _ in range(17)] == [True] * 16 + [False]
+    assert [limit.take() for _ in range(17)] == [True] * 16 + [False]
     now += 1e6
-    assert [bucket.take() for _ in range(33)] == [True] * 32 + [False]
+    assert [limit.take() for _ in range(33)] == [True] * 32 + [False]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from interpose.studio.security import allowed_hosts, headers, stranger
+from interpose.studio.security import allowed_hosts, headers, refusal
 
 HOSTS = allowed_hosts(8360)
 OWN = "http://127.0.0.1:8360"
@@ -31,13 +31,13 @@ def test_a_server_has_three_names() -> None:
 
 
 def test_its_own_page_is_welcome() -> None:
-    assert stranger(scope(), HOSTS) is None
-    assert stranger(scope(method="HEAD"), HOSTS) is None
-    assert stranger(scope(origin=OWN), HOSTS) is None
-    assert stranger(scope(host="LOCALHOST:8360"), HOSTS) is None
-    assert stranger(scope(method="POST", origin=OWN), HOSTS) is None
-    assert stranger(websocket(origin=OWN), HOSTS) is None
-    assert stranger(websocket(host="localhost:8360", origin="http://localhost:8360"), HOSTS) is None
+    assert refusal(scope(), HOSTS) is None
+    assert refusal(scope(method="HEAD"), HOSTS) is None
+    assert refusal(scope(origin=OWN), HOSTS) is None
+    assert refusal(scope(host="LOCALHOST:8360"), HOSTS) is None
+    assert refusal(scope(method="POST", origin=OWN), HOSTS) is None
+    assert refusal(websocket(origin=OWN), HOSTS) is None
+    assert refusal(websocket(host="localhost:8360", origin="http://localhost:8360"), HOSTS) is None
 
 
 BAD_HOSTS = [
@@ -59,9 +59,9 @@ BAD_HOSTS = [
 @pytest.mark.parametrize("host", BAD_HOSTS)
 def test_another_host_is_a_stranger(host: Any) -> None:
     for one in (scope(host=host), scope(host=host, origin=OWN), websocket(host=host, origin=OWN)):
-        said = stranger(one, HOSTS)
-        assert said is not None
-        assert "answers to 127.0.0.1:8360, localhost:8360, [::1]:8360 only" in said
+        expected = refusal(one, HOSTS)
+        assert expected is not None
+        assert "accepts requests to 127.0.0.1:8360, localhost:8360, [::1]:8360 only" in expected
 
 
 BAD_ORIGINS = [
@@ -81,13 +81,13 @@ BAD_ORIGINS = [
 @pytest.mark.parametrize("origin", BAD_ORIGINS)
 def test_another_origin_is_a_stranger(origin: Any) -> None:
     for one in (scope(origin=origin), scope(method="POST", origin=origin), websocket(origin=origin)):
-        said = stranger(one, HOSTS)
-        assert said == "this can only be asked from the studio's own page, http://127.0.0.1:8360"
+        expected = refusal(one, HOSTS)
+        assert expected == "this request is only accepted from the studio's own page, http://127.0.0.1:8360"
 
 
 def test_what_changes_something_or_stays_open_must_name_its_page() -> None:
     for one in (scope(method="POST"), scope(method="PUT"), scope(method="OPTIONS"), websocket()):
-        assert stranger(one, HOSTS) is not None
+        assert refusal(one, HOSTS) is not None
 
 
 def test_pages_may_only_speak_to_this_server() -> None:

@@ -49,7 +49,7 @@ def test_a_port_that_is_asked_for_is_had(stack: ExitStack) -> None:
 
 
 def test_a_busy_port_is_told(busy: int) -> None:
-    with pytest.raises(InputError, match=rf"port {busy} cannot be had \(.*in use.*\); leave out --port"):
+    with pytest.raises(InputError, match=rf"port {busy} is not available \(.*in use.*\); leave out --port"):
         serve.listen(busy)
 
 
@@ -79,10 +79,10 @@ def test_where_none_is_asked_for_the_next_free_is_taken(
 
 def test_where_all_of_them_are_busy_any_is_taken(stack: ExitStack, busy: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serve, "PORT", busy)
-    monkeypatch.setattr(serve, "TRIED", 1)
+    monkeypatch.setattr(serve, "PORTS_TRIED", 1)
     assert had(stack, None).getsockname()[1] != busy
     monkeypatch.setattr(serve, "_listening", lambda _: (_ for _ in ()).throw(OSError()))
-    with pytest.raises(InputError, match="no port of this machine is free"):
+    with pytest.raises(InputError, match="no free port on this machine"):
         serve.listen(None)
 
 
@@ -112,9 +112,9 @@ def test_the_address_is_printed_and_ctrl_c_is_no_fault(
 ) -> None:
     assert serve.serve(Opened(source=None, project=None), tmp_path, 0, browse=False) == 0
     host, port = started["address"]
-    said = capsys.readouterr()
-    assert f"The studio is at http://{host}:{port} (Ctrl+C stops it)." in said.err
-    assert said.out == ""
+    expected = capsys.readouterr()
+    assert f"The studio is running at http://{host}:{port} (press Ctrl+C to stop it)." in expected.err
+    assert expected.out == ""
     config = started["config"]
     assert not config.server_header
     assert config.ws_max_size >= serve.LARGEST_MESSAGE

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from starlette.exceptions import HTTPException
 
-from interpose.studio.static import found
+from interpose.studio.static import serve_file
 
 
 @pytest.fixture
@@ -30,16 +30,16 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_page_is_asked_for_anew_and_what_is_named_by_its_contents_is_kept(folder: Path) -> None:
-    page = found(folder, "")
+    page = serve_file(folder, "")
     assert page.body == b"<title>Page</title>"
     assert page.headers["content-type"] == "text/html; charset=utf-8"
     assert page.headers["cache-control"] == "no-cache"
-    assert found(folder, "index.html").headers["cache-control"] == "no-cache"
-    script = found(folder, "assets/main-AbC_12-x.js")
+    assert serve_file(folder, "index.html").headers["cache-control"] == "no-cache"
+    script = serve_file(folder, "assets/main-AbC_12-x.js")
     assert script.headers["content-type"] == "text/javascript; charset=utf-8"
     assert script.headers["cache-control"] == "public, max-age=31536000, immutable"
-    assert found(folder, "assets/plain.css").headers["cache-control"] == "no-cache"
-    assert found(folder, "icon.svg").headers["content-type"] == "image/svg+xml"
+    assert serve_file(folder, "assets/plain.css").headers["cache-control"] == "no-cache"
+    assert serve_file(folder, "icon.svg").headers["content-type"] == "image/svg+xml"
 
 
 @pytest.mark.parametrize(
@@ -56,16 +56,16 @@ def test_the_page_is_asked_for_anew_and_what_is_named_by_its_contents_is_kept(fo
 )  # fmt: skip
 def test_nothing_else_is_found(folder: Path, path: str) -> None:
     with pytest.raises(HTTPException) as caught:
-        found(folder, path)
+        serve_file(folder, path)
     assert caught.value.status_code == 404
 
 
 def test_an_absolute_path_is_no_way_out(folder: Path) -> None:
     with pytest.raises(HTTPException):
-        found(folder, str(folder.parent / "secret.html"))
+        serve_file(folder, str(folder.parent / "secret.html"))
 
 
 def test_without_a_front_end_the_page_says_so() -> None:
     with pytest.raises(HTTPException, match="without its front end") as caught:
-        found(None, "")
+        serve_file(None, "")
     assert caught.value.status_code == 503

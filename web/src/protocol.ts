@@ -1,21 +1,22 @@
 /* Made from src/interpose/studio/protocol.py by web/protocol.sh; do not edit. */
 
-export type Asked = Generate | Cancel | Suggest | Paths | Mirror | Library;
-export type Told = Welcome | Candidates | Dropped | Failed | Suggested | Ways | Posed | LibraryPoses;
+export type ClientMessage = Generate | Cancel | SuggestDuration | FindPaths | Mirror | Library;
+export type ServerMessage =
+  Welcome | Candidates | Dropped | Failed | SuggestedDurations | GalleryPaths | MirroredPose | LibraryPoses;
 
 /**
- * Everything that travels between the studio's server and its browser.
+ * Everything that the studio's server and its browser send to each other.
  */
 export interface Protocol {
-  asked: Asked;
-  told: Told;
-  rig: Rig;
-  export: Export;
-  refusal: Refusal;
-  opened: Opened;
+  ClientMessage: ClientMessage;
+  ServerMessage: ServerMessage;
+  Rig: Rig;
+  Export: Export;
+  Refusal: Refusal;
+  Opened: Opened;
 }
 /**
- * Candidates for a gap. Answer: `candidates`. live: while something is dragged; one candidate, soon.
+ * Generates candidates for a gap. Answer: `candidates`. live: sent during a drag, for one candidate.
  */
 export interface Generate {
   id: number;
@@ -29,39 +30,40 @@ export interface Generate {
   gap: string;
   frames: number;
   method: "dcmoe" | "stitch" | "interp";
-  path: Way | Line;
+  path: PathChoice | PointPath;
   variants: number;
   seed: number;
   live: boolean;
 }
 /**
- * A second style, and its share of the whole.
+ * A second style and its share of the blend.
  */
 export interface Blend {
   style: string;
   share: number;
 }
 /**
- * A path by its name: matched from the gallery, straight, or the network's own.
+ * A path by name: matched from the gallery, straight, or unconstrained.
  */
-export interface Way {
+export interface PathChoice {
   kind: "auto" | "straight" | "none";
 }
 /**
- * A path by its points.
+ * A path through points.
  *
- * points: x, z on the ground in metres of the rig. times: seconds from the start key at which each is passed. facing:
- * yaw at each, radians from +Z towards +X, unwrapped. drawn: by hand, and then points are the curve's control points.
+ * points: x, z on the ground in metres of the rig. times: seconds from the start key at each point. facing: yaw at
+ * each point, radians from +Z towards +X, unwrapped. drawn: drawn by hand, so that points are the control points of a
+ * curve.
  */
-export interface Line {
-  kind: "line";
+export interface PointPath {
+  kind: "waypoints";
   points: [number, number][];
   times: number[] | null;
   facing: number[] | null;
   drawn: boolean;
 }
 /**
- * The gap's candidates are no longer wanted.
+ * Cancels the unanswered requests for a gap's candidates.
  */
 export interface Cancel {
   type: "cancel";
@@ -71,9 +73,9 @@ export interface Cancel {
   };
 }
 /**
- * How long should the gap take? Answer: `suggested`.
+ * Asks how long a gap should be. Answer: `suggested`.
  */
-export interface Suggest {
+export interface SuggestDuration {
   id: number;
   rig: string;
   arrays: {
@@ -84,9 +86,9 @@ export interface Suggest {
   type: "suggest";
 }
 /**
- * Which ways does the gallery know? frames: of the gap. Answer: `ways`.
+ * Asks for trajectories of the gallery that fit a gap of so many frames. Answer: `gallery-paths`.
  */
-export interface Paths {
+export interface FindPaths {
   id: number;
   rig: string;
   arrays: {
@@ -100,7 +102,7 @@ export interface Paths {
   seed: number;
 }
 /**
- * A pose with left and right exchanged about its own facing. arrays: ``pose`` (1, row). Answer: `posed`.
+ * Swaps left and right of a pose about its own facing. arrays: ``pose`` (1, row). Answer: `mirrored`.
  */
 export interface Mirror {
   type: "mirror";
@@ -111,7 +113,7 @@ export interface Mirror {
   };
 }
 /**
- * The poses that ship, on a rig. Answer: `library`.
+ * Asks for the bundled poses on a rig. Answer: `library`.
  */
 export interface Library {
   type: "library";
@@ -133,7 +135,7 @@ export interface Welcome {
   };
 }
 /**
- * A method that can be asked for. styles: of its model, none for interpolation. paths: whether it follows them.
+ * A method. styles: of its model, none for interpolation. paths: whether it follows them.
  */
 export interface MethodInfo {
   method: "dcmoe" | "stitch" | "interp";
@@ -143,8 +145,8 @@ export interface MethodInfo {
   paths: boolean;
 }
 /**
- * The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: of
- * the server's work.
+ * The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: time
+ * that the server took.
  */
 export interface Candidates {
   type: "candidates";
@@ -158,11 +160,11 @@ export interface Candidates {
   };
 }
 /**
- * What is told of one candidate.
+ * What is known about one candidate.
  *
- * style: of this variant. trajectory: where its path is from (matched, composed, drawn, straight, model), or None.
- * foot_slide: cm a frame, None where the rig's feet are not known. fallback: what could not be served as asked, and
- * what served instead.
+ * style: of this variant. trajectory: the source of its path (matched, composed, drawn, straight, model), or None.
+ * foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could not be served, and what was used
+ * instead.
  */
 export interface CandidateInfo {
   method: "dcmoe" | "stitch" | "interp";
@@ -174,7 +176,7 @@ export interface CandidateInfo {
   fallback: string | null;
 }
 /**
- * A `generate` that was not answered because a newer one, or `cancel`, came.
+ * The answer to a `generate` that a newer one, or `cancel`, replaced.
  */
 export interface Dropped {
   type: "dropped";
@@ -185,7 +187,7 @@ export interface Dropped {
   };
 }
 /**
- * What could not be served, and why, in one sentence. again: whether the rig has to be sent again.
+ * The request failed, for a reason given in one sentence. again: whether the rig has to be sent again.
  */
 export interface Failed {
   type: "failed";
@@ -200,41 +202,41 @@ export interface Failed {
 /**
  * The answer to `suggest`.
  */
-export interface Suggested {
+export interface SuggestedDurations {
   type: "suggested";
   id: number;
   frames: number;
-  alternatives: Alternative[];
+  alternatives: DurationOption[];
   arrays: {
     [k: string]: number[];
   };
 }
 /**
- * A duration. fit: the share of the gallery's trajectories with that speed.
+ * A duration for a gap. fit: the share of the gallery's trajectories with that speed.
  */
-export interface Alternative {
+export interface DurationOption {
   speed: "fast" | "medium" | "slow";
   frames: number;
   fit: number;
 }
 /**
- * The answer to `paths`, the likeliest first; none, with the reason, where none leads there.
+ * The answer to `paths`, the most likely first; empty, with the reason, if there is none.
  */
-export interface Ways {
-  type: "ways";
+export interface GalleryPaths {
+  type: "gallery-paths";
   id: number;
-  ways: WayInfo[];
+  paths: GalleryPath[];
   reason: string | null;
   arrays: {
     [k: string]: number[];
   };
 }
 /**
- * A trajectory of the gallery. line: ready to be a gap's path. frames: what it took when it was walked, in the
- * rig's rate. fit: 0 to 1. composed: of several windows.
+ * A trajectory of the gallery. path: ready to be a gap's path. frames: its original duration at the rig's rate.
+ * fit: 0 to 1. composed: of several windows.
  */
-export interface WayInfo {
-  line: Line;
+export interface GalleryPath {
+  path: PointPath;
   frames: number;
   style: string | null;
   fit: number;
@@ -243,8 +245,8 @@ export interface WayInfo {
 /**
  * The answer to `mirror`. arrays: ``pose`` (1, row).
  */
-export interface Posed {
-  type: "posed";
+export interface MirroredPose {
+  type: "mirrored";
   id: number;
   arrays: {
     [k: string]: number[];
@@ -262,14 +264,13 @@ export interface LibraryPoses {
   };
 }
 /**
- * An opened BVH file: its skeleton, its figure and its frames.
+ * An opened BVH file: its skeleton, mannequin and frames.
  *
- * id: of the file's contents; the same bytes have the same. humanoid: for each of the 22 joints that it has, its own
- * joint. reason: None, or why it is no humanoid, so that only interpolation serves it. size: metres, about the height
- * of its hips. notes: what was odd about the file.
+ * id: a hash of the file's contents. humanoid: the rig's joint for each of the 22 joints that it has. reason: None, or
+ * why it is not a humanoid, so that only interpolation serves it. size: roughly the height of the hips in metres.
  *
- * arrays: ``offsets`` (joint, 3), each joint's place in its parent's frame. ``frames`` (frame, row). The figure's
- * ``vertices`` and ``normals`` (vertex, 3), in the frame of the joint ``carriers`` (vertex,); ``triangles``
+ * arrays: ``offsets`` (joint, 3), each joint's position relative to its parent. ``frames`` (frame, row). The
+ * mannequin's ``vertices`` and ``normals`` (vertex, 3), relative to the joint in ``carriers`` (vertex,); ``triangles``
  * (triangle, 3); ``sides`` (triangle,), 0 middle, 1 left, 2 right.
  */
 export interface Rig {
@@ -284,21 +285,21 @@ export interface Rig {
   humanoid: {
     [k: string]: number;
   };
-  feet: Foot[];
+  feet: FootJoint[];
   size: number;
   arrays: {
     [k: string]: number[];
   };
 }
 /**
- * A joint of a foot. height: above the floor when the foot is flat on it, metres of the rig.
+ * A joint of a foot. height: above the floor when the foot is flat on it, in metres of the rig.
  */
-export interface Foot {
+export interface FootJoint {
   joint: number;
   height: number;
 }
 /**
- * A whole motion to be written. rows: (frame, frame of the rig's file) that come out digit for digit.
+ * A whole motion to write. rows: pairs (frame, frame of the rig's file) that are copied digit for digit.
  *
  * arrays: ``frames`` (frame, row).
  */
@@ -311,38 +312,38 @@ export interface Export {
   };
 }
 /**
- * Why a request of HTTP was refused, in one sentence. again: whether the rig has to be sent again.
+ * Why an HTTP request was refused, in one sentence. again: whether the rig has to be sent again.
  */
 export interface Refusal {
   reason: string;
   again: boolean;
 }
 /**
- * What the command line named: a BVH file, a project, or neither.
+ * What the command line opened: a BVH file, a project, or neither.
  */
 export interface Opened {
-  source: Source | null;
+  source: SourceFile | null;
   project: Project | null;
 }
 /**
- * The BVH file that a project is about, whole.
+ * The BVH file of a project.
  */
-export interface Source {
+export interface SourceFile {
   name: string;
   text: string;
 }
 /**
- * A project file, `.interpose`: JSON, with all that it needs in it.
+ * A project file, `.interpose`: self-contained JSON.
  */
 export interface Project {
   format: 1;
   name: string;
-  source: Source;
+  source: SourceFile;
   keys: ProjectKey[];
 }
 /**
- * A key. pose: its row, 32-bit floats in base64; None for the pose of the source's frame. source: the frame of the
- * source's file that it is, unchanged. after: the gap that follows. motion: the frames shown there, in base64, where
+ * A key. pose: its row, 32-bit floats in base64; None for the pose of the source frame. source: the frame of the
+ * source file, if the pose is unchanged. after: the gap that follows. motion: the frames shown there, in base64, where
  * they are worth keeping.
  */
 export interface ProjectKey {
@@ -354,16 +355,16 @@ export interface ProjectKey {
   motion: string | null;
 }
 /**
- * What is asked of the gap after a key.
+ * The settings of the gap after a key.
  *
- * method: ``clip`` keeps the source's own frames, which lie between the two keys' source frames. speed: how
- * the duration was chosen, None by frames. chosen: which candidate shows. locked: it stays as it is.
+ * method: ``clip`` keeps the source's own frames between the source frames of the two keys. speed: set if the duration
+ * was chosen by speed. chosen: which candidate is shown. locked: nothing changes it.
  */
 export interface GapSettings {
   method: "clip" | ("dcmoe" | "stitch" | "interp");
   style: string | null;
   blend: Blend | null;
-  path: Way | Line;
+  path: PathChoice | PointPath;
   variants: number;
   seed: number;
   speed: ("fast" | "medium" | "slow") | null;

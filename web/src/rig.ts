@@ -1,12 +1,12 @@
-/** An opened rig: what the server told of it, with its arrays, and how wide a pose is. */
+/** An opened rig: the server's message with its arrays. */
 
-import type { Rig as Told } from "./protocol";
-import type { Arrays } from "./wire";
+import type { Rig as RigMessage } from "./protocol";
+import type { Arrays } from "./server/messages";
 
-/** One row of floats: the root's position, each joint's rotation in its parent's frame, and places where the rig has them. */
+/** A row of floats: root position, local joint rotations, and joint positions if the rig has them. */
 export type Pose = Float32Array;
 
-export interface Rig extends Omit<Told, "arrays"> {
+export interface Rig extends Omit<RigMessage, "arrays"> {
   /** Floats of a pose. */
   readonly stride: number;
   /** (joint, 3) places in the parent's frame, metres. */
@@ -14,7 +14,7 @@ export interface Rig extends Omit<Told, "arrays"> {
   /** (frame, stride) rows of the file. */
   readonly frames: Float32Array;
   readonly frameCount: number;
-  readonly figure: {
+  readonly character: {
     readonly vertices: Float32Array;
     readonly normals: Float32Array;
     readonly carriers: Float32Array;
@@ -23,19 +23,19 @@ export interface Rig extends Omit<Told, "arrays"> {
   };
 }
 
-export function rigOf(told: Told, arrays: Arrays): Rig {
-  const joints = told.joints.length;
-  const stride = 3 + 4 * joints + (told.moved ? 3 * joints : 0);
-  const figure = Object.fromEntries(
+export function rigOf(message: RigMessage, arrays: Arrays): Rig {
+  const joints = message.joints.length;
+  const stride = 3 + 4 * joints + (message.moved ? 3 * joints : 0);
+  const character = Object.fromEntries(
     ["vertices", "normals", "carriers", "triangles", "sides"].map((name) => [name, arrays[name].values]),
-  ) as unknown as Rig["figure"];
+  ) as unknown as Rig["character"];
   return {
-    ...told,
+    ...message,
     stride,
     offsets: arrays.offsets.values,
     frames: arrays.frames.values,
     frameCount: arrays.frames.shape[0],
-    figure,
+    character,
   };
 }
 

@@ -1,38 +1,39 @@
 /**
- * The application's state: the document with its history, what is selected, the playhead, and what was generated.
+ * The application's state: the document with its history, the selection, the playhead, and the generated motion.
  *
- * Panels read it and call its methods; every change of the document goes through `apply`, so that it can be undone.
+ * Panels read it and call its methods. Every change of the document goes through `apply`, so that it can be undone.
  */
 
-import { Answers } from "./answers.svelte";
-import { Clipboard } from "./clipboard.svelte";
+import { Answers } from "./server/answers.svelte";
+import { Clipboard } from "./app/clipboard.svelte";
+import { Playback } from "./app/playback.svelte";
 import * as commands from "./document/commands";
 import type { Document, Gap, Key } from "./document/document";
-import { firstFrame, gapAtFrame, gapOf, gapsOf, keyAtFrame, keyOf, lastFrame } from "./document/document";
+import { firstFrame, gapAtFrame, gapOf, gapsOf, keyAtFrame, keyOf } from "./document/document";
 import type { History } from "./document/history";
 import { begin, change, redo, seal, undo } from "./document/history";
 import type { GapState, Result } from "./engine/generator";
 import { Generator } from "./engine/generator";
 import { poseBetween, rowsBetween, sourceAt } from "./engine/motion";
-import { Notices } from "./notices.svelte";
+import { Notices } from "./app/notices.svelte";
 import type { GapSettings, MethodInfo } from "./protocol";
 import { groundOf } from "./pose/place";
 import type { Pose, Rig } from "./rig";
 import { openRig } from "./server/api";
 import type { State as ConnectionState } from "./server/connection";
 import { Connection, Unanswered } from "./server/connection";
-import type { LineView, Phase, Tool, View } from "./viewport/types";
+import type { DrawnPathView, Phase, Tool, View } from "./viewport/types";
 
-/** How long after a change the whole of what it asks for is asked, where it is not sealed before. */
+/** Delay after a live change before all candidates are requested. */
 const SETTLE_MS = 120;
 
 export type Selection = { readonly keys: readonly string[]; readonly gap: string | null };
 
 export class Studio {
-  /** The opened rig and the document on it; null until the first is there. */
+  /** The opened rig; null until the first file is open. */
   rig = $state.raw<Rig | null>(null);
   private history = $state.raw<History | null>(null);
-  /** What was written to a file last, to know whether there is something new. */
+  /** The document as last saved to a file. */
   written = $state.raw<Document | null>(null);
 
   methods = $state.raw<readonly MethodInfo[]>([]);
@@ -40,13 +41,7 @@ export class Studio {
   readonly notices = new Notices();
   readonly answers = new Answers(this);
   readonly clipboard = new Clipboard(this);
-
-  /** The playhead in frames; whole unless playing. */
-  time = $state(0);
-  playing = $state(false);
-  pace = $state(1);
-  /** Playing goes round the selected gap, if there is one, or the whole. */
-  looping = $state(true);
+  readonly playback = new Playback(this);
 
   selection = $state.raw<Selection>({ keys: [], gap: null });
   tool = $state<Tool>("select");
@@ -56,7 +51,7 @@ export class Studio {
   follow = $state(true);
   theme = $state<View["theme"]>("light");
 
-  /** Counts what the generator told; whoever shows results reads it. */
+  /** Counts changes of the generator, so that views of its results update. */
   private revision = $state(0);
   private readonly socket: Connection;
   private readonly generator: Generator;
@@ -64,7 +59,7 @@ export class Studio {
 
   constructor(url: string) {
     this.generator = new Generator(
-      (question, arrays) => this.ask(question, arrays),
+      (query, arrays) => this.ask(query, arrays),
       () => this.sync(),
     );
     this.socket = new Connection(url, {
@@ -91,7 +86,7 @@ export class Studio {
     return this.history?.future[0]?.label ?? null;
   }
 
-  /** Shows another document; its history begins here. */
+  /** Opens a document, with a new history. */
   open(document: Document, rig: Rig, shown: ReadonlyMap<string, Float32Array> = new Map()): void {
     this.rig = rig;
     this.history = begin(document, "Open");
@@ -100,13 +95,13 @@ export class Studio {
     this.answers.forget();
     this.tool = "select";
     this.joint = null;
-    this.time = firstFrame(document);
+    this.playback.time = firstFrame(document);
     this.generator.reset(document, rig, shown);
     this.sync();
     void this.answers.loadLibrary(rig);
   }
 
-  /** Changes the document. Changes with the same `merge` are one step of the history until `release`; meanwhile gaps are
+  /** Changes the document. Changes with the same `merge` are one step of the history until `release`; until then, gaps are
    * generated live. */
   apply(next: Document, label: string, merge: string | null = null): void {
     if (!this.history || next === this.history.present.document) return;
@@ -124,7 +119,7 @@ export class Studio {
     }
   }
 
-  /** What was being dragged was let go. */
+  /** Ends a drag. */
   release(): void {
     if (this.history) this.history = seal(this.history);
     clearTimeout(this.settling);
@@ -150,10 +145,6 @@ export class Studio {
 
   // ---- selection and playhead
 
-  get frame(): number {
-    return Math.round(this.time);
-  }
-
   get selectedGap(): Gap | null {
     return this.document && gapOf(this.document, this.selection.gap);
   }
@@ -169,7 +160,7 @@ export class Studio {
 
   /** The key at the playhead. */
   get keyHere(): Key | null {
-    return this.document && keyAtFrame(this.document, this.frame);
+    return this.document && keyAtFrame(this.document, this.playback.frame);
   }
 
   selectKey(id: string, how: "only" | "toggle" | "range" = "only"): void {
@@ -187,7 +178,7 @@ export class Studio {
         .map((each) => each.id);
     }
     this.selection = { keys, gap: null };
-    if (how === "only") this.goTo(key.frame);
+    if (how === "only") this.playback.goTo(key.frame);
   }
 
   selectGap(id: string | null): void {
@@ -201,55 +192,21 @@ export class Studio {
     if (gap.settings.method !== "interp") void this.answers.suggest(gap);
   }
 
-  goTo(frame: number): void {
-    this.time = Math.max(0, Math.round(frame));
-  }
-
-  /** Lets the playhead run on by some seconds of wall time. */
-  tick(seconds: number): void {
-    const { document } = this;
-    if (!this.playing || !document) return;
-    const gap = this.looping ? this.selectedGap : null;
-    const first = gap ? gap.left.frame : firstFrame(document);
-    const last = gap ? gap.right.frame : lastFrame(document);
-    let time = this.time + seconds * document.rate * this.pace;
-    if (time > last || time < first) {
-      if (!this.looping && time > last) {
-        this.playing = false;
-        time = last;
-      } else time = last > first ? first + ((((time - first) % (last - first)) + (last - first)) % (last - first)) : first;
-    }
-    this.time = time;
-  }
-
-  togglePlaying(): void {
-    if (!this.document) return;
-    this.playing = !this.playing;
-    if (!this.playing) this.goTo(this.time);
-    else if (!this.looping && this.time >= lastFrame(this.document)) this.time = firstFrame(this.document);
-  }
-
-  goToNeighbour(direction: -1 | 1): void {
-    const keys = this.document?.keys ?? [];
-    const next = direction > 0 ? keys.find((key) => key.frame > this.frame) : keys.findLast((key) => key.frame < this.frame);
-    if (next) this.goTo(next.frame);
-  }
-
   // ---- keys
 
-  /** A key of the pose at the playhead, as it is. */
+  /** Adds a key with the current pose at the playhead. */
   addKeyHere(): void {
     const { document, pose } = this;
     if (!document || !pose || this.keyHere) return;
-    this.putKey(commands.addKey(document, this.frame, pose, sourceAt(document, this.frame)), this.frame, "Add key");
+    this.putKey(commands.addKey(document, this.playback.frame, pose, sourceAt(document, this.playback.frame)), this.playback.frame, "Add key");
   }
 
-  /** A given pose as the key at a frame. */
+  /** Makes a pose the key at a frame. */
   putPose(pose: Pose, frame: number, label: string, source: number | null = null): void {
     if (this.document) this.putKey(commands.addKey(this.document, frame, pose, source), frame, label);
   }
 
-  /** The selected keys, or else the one at the playhead. */
+  /** The selected keys, or the one at the playhead. */
   get chosenKeys(): readonly string[] {
     return this.selection.keys.length ? this.selection.keys : this.keyHere ? [this.keyHere.id] : [];
   }
@@ -257,7 +214,7 @@ export class Studio {
   deleteSelected(): void {
     const keys = this.chosenKeys;
     if (!this.document || keys.length === 0) return;
-    if (keys.length >= this.document.keys.length) this.notices.say("One key at least has to stay.");
+    if (keys.length >= this.document.keys.length) this.notices.show("Keep at least one key.");
     else this.apply(commands.deleteKeys(this.document, keys), keys.length > 1 ? "Delete keys" : "Delete key");
   }
 
@@ -265,16 +222,16 @@ export class Studio {
     if (this.document) this.apply(commands.moveKeys(this.document, ids, by), "Move key", merge);
   }
 
-  /** The pose at the playhead as a gizmo changes it; where there is no key, this makes one. */
+  /** Changes the pose at the playhead by a gizmo; adds a key if there is none. */
   changePose(pose: Pose, phase: Phase): void {
     const { document } = this;
     if (!document) return;
-    this.playing = false;
+    this.playback.playing = false;
     const key = this.keyHere;
     const next = key
       ? commands.setPose(document, key.id, pose)
-      : commands.addKey(document, this.frame, pose, null);
-    this.apply(next, "Change pose", `pose:${this.frame}`);
+      : commands.addKey(document, this.playback.frame, pose, null);
+    this.apply(next, "Change pose", `pose:${this.playback.frame}`);
     if (phase === "end") this.release();
   }
 
@@ -303,10 +260,10 @@ export class Studio {
     else if (this.state(gap) === "ready") this.apply(commands.lockGap(this.document, id, this.rows(gap)), "Lock");
   }
 
-  /** Other candidates: the next seed. */
+  /** Generates other candidates, with the next seed. */
   reroll(id: string): void {
     const gap = this.document && gapOf(this.document, id);
-    if (gap) this.setGap(id, { seed: (gap.settings.seed + 1) % 2 ** 31 }, "Other candidates");
+    if (gap) this.setGap(id, { seed: (gap.settings.seed + 1) % 2 ** 31 }, "Reroll candidates");
   }
 
   retry(id: string): void {
@@ -314,35 +271,35 @@ export class Studio {
     this.revision++;
   }
 
-  pickWay(index: number): void {
+  pickPath(index: number): void {
     const gap = this.selectedGap;
-    const way = this.answers.ways?.found[index];
-    if (gap && way) this.setGap(gap.id, { path: way.line }, "Choose a path");
+    const path = this.answers.paths?.found[index];
+    if (gap && path) this.setGap(gap.id, { path: path.path }, "Choose a path");
   }
 
-  /** The drawn path's control points of the selected gap. */
-  changeLine(points: readonly (readonly [number, number])[], phase: Phase): void {
+  /** Changes the control points of the selected gap's drawn path. */
+  changeDrawnPath(points: readonly (readonly [number, number])[], phase: Phase): void {
     const gap = this.selectedGap;
     if (!gap) return;
-    const line: GapSettings["path"] =
+    const path: GapSettings["path"] =
       points.length === 0
         ? { kind: "auto" }
-        : { kind: "line", points: points.map(([x, z]) => [x, z]), times: null, facing: null, drawn: true };
-    this.setGap(gap.id, { path: line }, "Draw a path", `line:${gap.id}`);
+        : { kind: "waypoints", points: points.map(([x, z]) => [x, z]), times: null, facing: null, drawn: true };
+    this.setGap(gap.id, { path }, "Draw a path", `path:${gap.id}`);
     if (phase === "end") this.release();
   }
 
-  /** Where on the ground the selected gap begins and ends. */
+  /** The places on the ground where the selected gap starts and ends. */
   get ends(): { readonly from: [number, number]; readonly to: [number, number] } | null {
     const gap = this.selectedGap;
     const { rig } = this;
     return gap && rig && { from: groundOf(rig, gap.left.pose), to: groundOf(rig, gap.right.pose) };
   }
 
-  get line(): LineView | null {
+  get drawnPath(): DrawnPathView | null {
     const gap = this.selectedGap;
     const path = gap?.settings.path;
-    if (!gap || path?.kind !== "line" || !path.drawn) return null;
+    if (!gap || path?.kind !== "waypoints" || !path.drawn) return null;
     return { ...(this.ends as { from: [number, number]; to: [number, number] }), points: path.points };
   }
 
@@ -368,7 +325,7 @@ export class Studio {
     return this.generator.rows(gap);
   }
 
-  /** Whether every gap shows what was asked for, or is known to have failed. */
+  /** Whether every gap is generated, or has failed. */
   get settled(): boolean {
     void this.revision;
     return this.generator.settled;
@@ -377,7 +334,7 @@ export class Studio {
   /** The pose at the playhead. */
   get pose(): Pose | null {
     const { document, rig } = this;
-    return document && rig && poseBetween(document, (gap) => this.rows(gap), this.time, rig.joints.length);
+    return document && rig && poseBetween(document, (gap) => this.rows(gap), this.playback.time, rig.joints.length);
   }
 
   rowsBetween(first: number, last: number): Float32Array {
@@ -388,15 +345,15 @@ export class Studio {
     return this.document && gapAtFrame(this.document, frame);
   }
 
-  /** Asks the server; where it does not know the rig any more, that is sent again first. */
-  readonly ask: Connection["ask"] = async (question, arrays = {}) => {
+  /** Sends a query to the server; if it no longer knows the rig, sends that first. */
+  readonly ask: Connection["ask"] = async (query, arrays = {}) => {
     try {
-      return await this.socket.ask(question, arrays);
+      return await this.socket.ask(query, arrays);
     } catch (error) {
       const source = this.document?.source;
       if (!(error instanceof Unanswered && error.again && source)) throw error;
       await openRig(source.name, source.text);
-      return this.socket.ask(question, arrays);
+      return this.socket.ask(query, arrays);
     }
   };
 
@@ -405,7 +362,7 @@ export class Studio {
     this.socket.close();
   }
 
-  /** Shows a document whose key at a frame is new, and selects that key. */
+  /** Applies a change that adds a key at a frame, and selects that key. */
   putKey(next: Document, frame: number, label: string): void {
     this.apply(next, label);
     const key = keyAtFrame(next, frame);
@@ -429,7 +386,7 @@ export class Studio {
   private connected(state: ConnectionState, reason: string): void {
     const was = this.connection;
     this.connection = state;
-    if (state === "lost" && was === "open") this.notices.say(`${reason}. Trying again …`, "warning");
+    if (state === "lost" && was === "open") this.notices.show(`${reason}. Reconnecting …`, "warning");
     if (state !== "open") return;
     this.generator?.retry();
     this.sync();

@@ -2,7 +2,7 @@
 
 import type { GapSettings } from "../src/protocol";
 import type { Pose, Rig } from "../src/rig";
-import { ASKED_FOR, type Document, type Key } from "../src/document/document";
+import { DEFAULT_SETTINGS, type Document, type Key } from "../src/document/document";
 
 const JOINTS = 3;
 export const STRIDE = 3 + 4 * JOINTS;
@@ -23,14 +23,14 @@ export function rig(frameCount = 100): Rig {
   return {
     id: "rig", name: "walk.bvh", rate: 30, joints: ["a", "b", "c"], parents: [-1, 0, 1], moved: false, profile: null,
     reason: null, humanoid: {}, feet: [], size: 1, stride: STRIDE, offsets: new Float32Array(9), frames, frameCount,
-    figure: { vertices: none, normals: none, carriers: none, triangles: none, sides: none },
+    character: { vertices: none, normals: none, carriers: none, triangles: none, sides: none },
   };
 }
 
 /** A document with generated gaps and keys at some frames, their ids `k0`, `k45`, ... */
 export function keyed(frames: readonly number[], after: Partial<GapSettings> = {}): Document {
   const keys = frames.map((frame): Key => ({
-    id: `k${frame}`, frame, pose: pose(frame / 100), source: null, after: { ...ASKED_FOR, ...after }, kept: null,
+    id: `k${frame}`, frame, pose: pose(frame / 100), source: null, after: { ...DEFAULT_SETTINGS, ...after }, kept: null,
   }));
   return { name: "test", source: { name: "walk.bvh", text: "" }, rate: 30, stride: STRIDE, keys };
 }

@@ -3,18 +3,18 @@ import { describe, expect, it } from "vitest";
 import { forward, placeOf } from "../src/pose/kinematics";
 import { moveOnGround, turnAboutHips } from "../src/pose/place";
 import type { Rig } from "../src/rig";
-import { hueOf, shiftOf } from "../src/viewport/candidates";
-import { decalGeometry } from "../src/viewport/decals";
-import { dotGeometry } from "../src/viewport/dots";
-import { controlPoints } from "../src/viewport/line";
-import { palettes } from "../src/viewport/palette";
-import { hitBones, onLevel, onPlane, pixelsToLine } from "../src/viewport/pick";
-import type { Pointer } from "../src/viewport/pick";
-import { changing } from "../src/viewport/changing";
-import { ribbonGeometry } from "../src/viewport/ribbons";
-import { mixed, silhouettes } from "../src/viewport/thumbnails";
-import { drawnFrames, trailed } from "../src/viewport/trails";
-import { alongTurn, circle, roundTurn, turnedBy, wrapped } from "../src/viewport/turning";
+import { hueOf, shiftOf } from "../src/viewport/characters/candidates";
+import { decalGeometry } from "../src/viewport/marks/decals";
+import { dotGeometry } from "../src/viewport/marks/dots";
+import { controlPoints } from "../src/viewport/paths/drawn-path";
+import { palettes } from "../src/viewport/scene/palette";
+import { hitBones, onLevel, onPlane, pixelsToPolyline } from "../src/viewport/picking/geometry";
+import type { Pointer } from "../src/viewport/picking/geometry";
+import { changing } from "../src/viewport/handles/drag";
+import { ribbonGeometry } from "../src/viewport/marks/ribbons";
+import { mixed, silhouettes } from "../src/viewport/characters/thumbnails";
+import { drawnFrames, trailed } from "../src/viewport/characters/trails";
+import { alongTurn, circle, roundTurn, turnedBy, wrapped } from "../src/viewport/handles/turning";
 import { humanoid, rest } from "./pose/rigs";
 
 const rig = humanoid() as unknown as Rig;
@@ -34,9 +34,9 @@ describe("picking", () => {
       { x: 10, y: 0, visible: true },
       { x: 10, y: 10, visible: false },
     ];
-    expect(pixelsToLine(spots, 5, 3)).toBe(3);
-    expect(pixelsToLine(spots, 13, 4)).toBe(5);
-    expect(pixelsToLine(spots.slice(1), 10, 5)).toBe(Infinity);
+    expect(pixelsToPolyline(spots, 5, 3)).toBe(3);
+    expect(pixelsToPolyline(spots, 13, 4)).toBe(5);
+    expect(pixelsToPolyline(spots.slice(1), 10, 5)).toBe(Infinity);
   });
 
   it("hits the nearest bone of a body", () => {
@@ -226,19 +226,19 @@ describe("geometries", () => {
 });
 
 describe("thumbnails", () => {
-  it("show figures along the way, from left to right", () => {
-    const figures = silhouettes(rig, walk(60, 3, 0), 60);
-    expect(figures.length).toBe(6);
-    expect(figures[5][0].x - figures[0][0].x).toBeCloseTo(3, 4);
+  it("show characters along the way, from left to right", () => {
+    const characters = silhouettes(rig, walk(60, 3, 0), 60);
+    expect(characters.length).toBe(6);
+    expect(characters[5][0].x - characters[0][0].x).toBeCloseTo(3, 4);
     const turned = turnAboutHips(rig, rest(rig), Math.PI / 2); // it looks along +X: its left is farther from the eye
     const rows = new Float32Array([...turned, ...moveOnGround(rig, turned, 2, 0)]);
     const [one] = silhouettes(rig, rows, 2);
     expect(one[5].near - one[1].near).toBeCloseTo(0.2, 4);
   });
 
-  it("spread figures that stay in place", () => {
-    const figures = silhouettes(rig, walk(10, 0, 0.01), 10);
-    expect(figures[5][0].x - figures[0][0].x).toBeGreaterThan(1);
+  it("spread characters that stay in place", () => {
+    const characters = silhouettes(rig, walk(10, 0, 0.01), 10);
+    expect(characters[5][0].x - characters[0][0].x).toBeGreaterThan(1);
     expect(silhouettes(rig, walk(2, 0, 1), 1).length).toBe(1);
   });
 

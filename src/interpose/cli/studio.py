@@ -1,4 +1,4 @@
-"""`interpose studio`: reads what is to be opened, finds the front end, and serves."""
+"""`interpose studio`: reads the given file, finds the front end, and serves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from interpose import io
 from interpose.errors import InputError
 from interpose.io.files import encoding_of, read_whole
 from interpose.studio import front, projects
-from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Source
-from interpose.studio.rigs import Shelf
+from interpose.studio.protocol import LARGEST_UPLOAD, Opened, SourceFile
+from interpose.studio.rigs import RigStore
 from interpose.studio.serve import serve
 
 SUFFIXES = (".bvh", ".interpose")
@@ -21,14 +21,14 @@ def studio(clip: str | None, port: int | None, no_browser: bool) -> int:
 
 
 def read(clip: str | None) -> Opened:
-    """What the browser is to open. Raises InputError, before any server starts, where it cannot be opened."""
+    """The file for the browser to open. Raises InputError, before the server starts, if it cannot be opened."""
     if clip is None:
         return Opened(source=None, project=None)
-    name = Path(clip).name.encode(errors="replace").decode()  # any bytes may name a file
+    name = Path(clip).name.encode(errors="replace").decode()  # a file name may be any bytes
     if Path(clip).suffix.lower() not in SUFFIXES:
         raise InputError(f"{clip}: the studio opens {' and '.join(SUFFIXES)} files")
     data = read_whole(clip, LARGEST_UPLOAD)
     if Path(clip).suffix.lower() == ".interpose":
-        return Opened(source=None, project=projects.read(data, Shelf(), clip))
+        return Opened(source=None, project=projects.read(data, RigStore(), clip))
     io.parse(data, clip)
-    return Opened(source=Source(name=name[:120], text=data.decode(encoding_of(data))), project=None)
+    return Opened(source=SourceFile(name=name[:120], text=data.decode(encoding_of(data))), project=None)

@@ -1,4 +1,4 @@
-"""The studio's server as an ASGI application: the routes of `protocol`, and the built front end."""
+"""The studio's server as an ASGI application: the routes described in `protocol`, and the built front end."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ from interpose.studio.export import EXPORT, export
 from interpose.studio.handlers import answer
 from interpose.studio.methods import Sessions, offered
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
-from interpose.studio.rigs import Shelf, Unknown
+from interpose.studio.rigs import RigStore, UnknownRig
 from interpose.studio.sample import sample
-from interpose.studio.scheduler import MALFORMED, Desk, Refused, Serve, Workshop
-from interpose.studio.security import Guard, allowed_hosts, headers
-from interpose.studio.static import found
+from interpose.studio.scheduler import INTERNAL_ERROR, MALFORMED, Disconnect, RequestQueue, Serve, WorkerPool
+from interpose.studio.security import OriginCheck, allowed_hosts, headers
+from interpose.studio.static import serve_file
 
-Made = TypeVar("Made")
+Result = TypeVar("Result")
 
 MOST_CONNECTIONS = 32
-BUSY = 1013
-"""The code that a connection too many is closed with."""
-HEAVY = 2
+TOO_MANY_CONNECTIONS = 1013
+"""Close code of a connection above the limit (RFC 6455)."""
+FILE_THREADS = 2
 """Files that are read or written at once."""
-_FAULT = "this went wrong in the server, by a fault of its own; the terminal says more"
 DISCARDED = 8 * LARGEST_UPLOAD
-"""Bytes of an upload that is too large that are still taken, and forgotten, so that the refusal is heard."""
+"""Bytes of a too large upload that are still read and discarded, so that the browser sees the refusal."""
 
 
 def create_app(
@@ -47,51 +46,51 @@ def create_app(
     *,
     front: Path | None = None,
     opened: Opened | None = None,
-    shelf: Shelf | None = None,
+    store: RigStore | None = None,
     serve: Serve | None = None,
 ) -> FastAPI:
-    """The application for a server on that port of the loopback.
+    """The application for a server on this port of the loopback.
 
-    front: the folder of the built front end. opened: what the command line named. serve: what answers the questions of
-    the websocket, in place of `work.answer` with those models.
+    front: the folder of the built front end. opened: the file given on the command line. serve: answers the requests of
+    the websocket, in place of `handlers.answer` with these models.
     """
-    kept = Shelf() if shelf is None else shelf
+    kept = RigStore() if store is None else store
     named = Opened(source=None, project=None) if opened is None else opened
-    workshop = Workshop(partial(answer, shelf=kept, sessions=sessions) if serve is None else serve)
+    pool = WorkerPool(partial(answer, store=kept, sessions=sessions) if serve is None else serve)
     welcome = messages.pack(Welcome(type="welcome", version=version("interpose"), methods=offered(sessions)), {})
-    heavy = asyncio.Semaphore(HEAVY)
+    heavy = asyncio.Semaphore(FILE_THREADS)
     connections: set[WebSocket] = set()
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
-        workshop.stop()
+        pool.stop()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     hosts = allowed_hosts(port)
-    app.add_middleware(Guard, hosts=hosts)
+    app.add_middleware(OriginCheck, hosts=hosts)
 
-    async def in_thread(work: Callable[..., Made], *given: Any) -> Made:
+    async def in_thread(function: Callable[..., Result], *given: Any) -> Result:
         async with heavy:
             try:
-                return await asyncio.to_thread(work, *given)
+                return await asyncio.to_thread(function, *given)
             except MemoryError:
-                raise HTTPException(507, "there is not enough memory for this; use a shorter clip") from None
+                raise HTTPException(507, "not enough memory; use a shorter clip") from None
             except InputError:
                 raise
             except Exception:
                 traceback.print_exc(file=sys.stderr)
-                raise HTTPException(500, _FAULT) from None
+                raise HTTPException(500, INTERNAL_ERROR) from None
 
     @app.post("/api/rigs")
     async def open_rig(request: Request, name: str = "clip.bvh") -> Response:
         data = await _body(request)
 
-        def work() -> bytes:
+        def parse() -> bytes:
             short = name[:120] or "clip.bvh"
-            return messages.pack(*rigs.told(kept.open(data, short), short))
+            return messages.pack(*rigs.describe(kept.open(data, short), short))
 
-        return _bytes(await in_thread(work))
+        return _bytes(await in_thread(parse))
 
     @app.post("/api/projects")
     async def open_project(request: Request) -> Response:
@@ -102,14 +101,14 @@ def create_app(
     async def export_motion(request: Request) -> Response:
         data = await _body(request)
 
-        def work() -> bytes:
-            asked, arrays = messages.unpack(data, EXPORT)
-            return export(asked, arrays, kept.get(asked.rig))
+        def write() -> bytes:
+            header, arrays = messages.unpack(data, EXPORT)
+            return export(header, arrays, kept.get(header.rig))
 
-        return _bytes(await in_thread(work))
+        return _bytes(await in_thread(write))
 
     @app.get("/api/opened")
-    async def what_was_opened() -> Response:
+    async def opened_file() -> Response:
         return _json(named)
 
     @app.get("/api/sample")
@@ -118,14 +117,14 @@ def create_app(
 
     @app.websocket("/api/socket")
     async def socket(browser: WebSocket) -> None:
-        with suppress(WebSocketDisconnect):  # it has gone before it was greeted
+        with suppress(WebSocketDisconnect):  # it disconnected before the handshake
             await browser.accept()
             if len(connections) >= MOST_CONNECTIONS:
-                await browser.close(BUSY, f"{MOST_CONNECTIONS} windows are open already; close some")
+                await browser.close(TOO_MANY_CONNECTIONS, f"{MOST_CONNECTIONS} windows are already open; close some")
                 return
             connections.add(browser)
             try:
-                await _converse(browser, workshop, welcome)
+                await _serve_connection(browser, pool, welcome)
             finally:
                 connections.discard(browser)
 
@@ -133,54 +132,54 @@ def create_app(
     async def page(path: str) -> Response:
         if path == "api" or path.startswith("api/"):
             raise HTTPException(404)
-        return await asyncio.to_thread(found, front, path)
+        return await asyncio.to_thread(serve_file, front, path)
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
-        plain = {404: f"there is nothing at {request.url.path[:80]}", 405: f"{request.method} is not served there"}
+        plain = {404: f"{request.url.path[:80]} does not exist", 405: f"{request.method} is not allowed here"}
         return _refusal(error.status_code, plain.get(error.status_code, str(error.detail)))
 
     @app.exception_handler(InputError)
     async def not_served(_: Request, error: InputError) -> Response:
-        return _refusal(409 if isinstance(error, Unknown) else 400, str(error), again=isinstance(error, Unknown))
+        return _refusal(409 if isinstance(error, UnknownRig) else 400, str(error), again=isinstance(error, UnknownRig))
 
     @app.exception_handler(ClientDisconnect)
     async def gone(_: Request, error: ClientDisconnect) -> Response:
         return Response(status_code=400)  # nobody reads it
 
     @app.exception_handler(Exception)
-    async def mishap(_: Request, error: Exception) -> Response:
-        made = _refusal(500, _FAULT)
-        made.raw_headers.extend(headers(hosts))  # this answer does not pass the guard
+    async def internal_error(_: Request, error: Exception) -> Response:
+        made = _refusal(500, INTERNAL_ERROR)
+        made.raw_headers.extend(headers(hosts))  # this response does not pass the middleware
         return made
 
     return app
 
 
-async def _converse(browser: WebSocket, workshop: Workshop, welcome: bytes) -> None:
-    """Questions in and answers out, until the browser goes or is sent away."""
+async def _serve_connection(browser: WebSocket, pool: WorkerPool, welcome: bytes) -> None:
+    """Answers the requests of a connection until either side closes it."""
     await browser.send_bytes(welcome)
-    desk = Desk(workshop, browser.send_bytes)
-    writer = asyncio.create_task(desk.write())
+    queue = RequestQueue(pool, browser.send_bytes)
+    writer = asyncio.create_task(queue.write())
     try:
         while (message := await browser.receive())["type"] == "websocket.receive":
             data = message.get("bytes")
             if data is None:
-                raise Refused(MALFORMED, "text came; messages are binary")
-            desk.take(data)
-    except Refused as refused:
+                raise Disconnect(MALFORMED, "messages must be binary, not text")
+            queue.take(data)
+    except Disconnect as refused:
         writer.cancel()
-        with suppress(RuntimeError, WebSocketDisconnect):  # it has gone by itself
+        with suppress(RuntimeError, WebSocketDisconnect):  # it has disconnected already
             await browser.close(refused.code, _short(refused.reason))
     finally:
-        desk.close()
+        queue.close()
         writer.cancel()
-        with suppress(asyncio.CancelledError, Exception):  # what could not be sent was for a browser that has gone
+        with suppress(asyncio.CancelledError, Exception):  # the browser has disconnected
             await writer
 
 
 async def _body(request: Request) -> bytes:
-    """The body. Raises HTTPException where it is too large; then what is left of it is taken and forgotten."""
+    """The body. Raises HTTPException if it is too large; then the rest of it is read and discarded."""
     taken: list[bytes] = []
     size = 0
     async for chunk in request.stream():
@@ -193,7 +192,7 @@ async def _body(request: Request) -> bytes:
             break
     if size > LARGEST_UPLOAD:
         most = LARGEST_UPLOAD // 2**20
-        raise HTTPException(413, f"this is larger than {most} MB, the most that can be sent; cut it into shorter clips")
+        raise HTTPException(413, f"the file is larger than the limit of {most} MB; cut it into shorter clips")
     return b"".join(taken)
 
 
@@ -201,8 +200,8 @@ def _bytes(data: bytes) -> Response:
     return Response(data, media_type="application/octet-stream")
 
 
-def _json(told: BaseModel, status: int = 200) -> Response:
-    return Response(told.model_dump_json(), status, media_type="application/json")
+def _json(body: BaseModel, status: int = 200) -> Response:
+    return Response(body.model_dump_json(), status, media_type="application/json")
 
 
 def _refusal(status: int, reason: str, again: bool = False) -> Response:
@@ -210,6 +209,6 @@ def _refusal(status: int, reason: str, again: bool = False) -> Response:
 
 
 def _short(reason: str) -> str:
-    """A reason that fits into a closing frame, 123 bytes of UTF-8 at most."""
+    """A reason cut to the 123 bytes of UTF-8 that fit into a close frame."""
     data = reason.encode()
     return reason if len(data) <= 123 else data[:120].decode(errors="ignore") + "…"

@@ -1,4 +1,4 @@
-"""A whole motion from the browser as the bytes of a BVH or a GLB file."""
+"""Writes a whole motion from the browser as a BVH or GLB file."""
 
 from __future__ import annotations
 
@@ -17,29 +17,28 @@ from interpose.studio.rigs import Clip
 
 EXPORT: TypeAdapter[Export] = TypeAdapter(Export)
 
-NEAR = 2e-6
-"""Metres a metre, and radians: by how much 32-bit floats may have changed a pose."""
+FLOAT32_TOLERANCE = 2e-6
+"""Relative change of positions, and radians, that 32-bit floats may cause."""
 
 
-def export(asked: Export, arrays: Mapping[str, ndarray], clip: Clip) -> bytes:
-    """The file. Raises InputError where the frames are none of the rig's.
+def export(header: Export, arrays: Mapping[str, ndarray], clip: Clip) -> bytes:
+    """The bytes of the file. Raises InputError if the frames are not of the rig.
 
-    Of the rows that are to come out digit for digit, those whose pose is not the file's own any more are written from
-    the pose: what a person sees is what comes out.
+    Rows are copied digit for digit only if their pose is still that of the source file.
     """
     if set(arrays) != {"frames"}:
-        raise InputError("an export has one array, frames")
+        raise InputError("an export needs one array, frames")
     motion = pose_rows.to_motion(arrays["frames"], clip.motion, "the motion")
-    return io.serialize(motion, f"motion.{asked.format}", _same(asked.rows, motion, clip.motion))
+    return io.serialize(motion, f"motion.{header.format}", _unchanged(header.rows, motion, clip.motion))
 
 
-def _same(named: list[tuple[int, int]], motion: Motion, source: Motion) -> dict[int, int]:
-    """Those of the rows that are the source's still."""
+def _unchanged(named: list[tuple[int, int]], motion: Motion, source: Motion) -> dict[int, int]:
+    """The named rows whose pose is still that of the source."""
     for frame, row in named:
         if frame >= len(motion) or row >= len(source):
             raise InputError(
-                f"frame {frame} is to be row {row} of the file, but there are {len(motion)} frames and {len(source)} "
-                f"rows; send rows that are there"
+                f"frame {frame} is given as row {row} of the file, but there are {len(motion)} frames and "
+                f"{len(source)} rows"
             )
     if not named:
         return {}
@@ -52,4 +51,4 @@ def _same(named: list[tuple[int, int]], motion: Motion, source: Motion) -> dict[
     for here, there in pairs:
         scale = np.maximum(np.abs(there), 1.0)
         far = np.maximum(far, (np.abs(here - there) / scale).reshape(len(frames), -1).max(axis=-1, initial=0.0))
-    return {frame: row for (frame, row), away in zip(named, far.tolist(), strict=True) if away <= NEAR}
+    return {frame: row for (frame, row), away in zip(named, far.tolist(), strict=True) if away <= FLOAT32_TOLERANCE}

@@ -1,4 +1,4 @@
-"""Where the built front end is: in the package, or in a source checkout, where it is built when that is needed."""
+"""Finds the built front end: in the package, or in a source checkout, where it is built when needed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ BUILDER = Path(__file__).resolve().parents[3] / "web" / "build.py"
 
 
 def find(packaged: Path = PACKAGED, builder: Path = BUILDER) -> Path:
-    """The folder of the built front end. In a source checkout `web/build.py` makes it from what is there now.
+    """The folder of the built front end. In a source checkout, `web/build.py` brings it up to date.
 
-    Raises InputError where it cannot be built, or where there is neither it nor its sources.
+    Raises InputError if it cannot be built, or if neither it nor its sources exist.
     """
     if (packaged / "index.html").exists():
         return packaged
     if not builder.exists():
-        raise InputError("the studio's front end is missing from this installation; install Interpose again")
+        raise InputError("the studio's front end is missing from this installation; reinstall Interpose")
     spec = importlib.util.spec_from_file_location("interpose_web_build", builder)
     assert spec is not None
     assert spec.loader is not None
@@ -29,7 +29,5 @@ def find(packaged: Path = PACKAGED, builder: Path = BUILDER) -> Path:
     spec.loader.exec_module(module)
     try:
         return module.build()
-    except module.Failed as error:
-        raise InputError(f"the studio's front end could not be built: {error}") from None
-    except OSError as error:
+    except (module.Failed, OSError) as error:
         raise InputError(f"the studio's front end could not be built: {error}") from None

@@ -1,4 +1,4 @@
-"""The trajectories that the gallery knows for a gap, as lines that can be asked for again."""
+"""The trajectories of a gallery that fit a gap, as paths that can be requested again."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime.inbetween import gap_of
 from interpose.runtime.resampling import model_steps, user_frames
-from interpose.studio.protocol import Line, WayInfo
+from interpose.studio.protocol import GalleryPath, PointPath
 from interpose.studio.rigs import Clip
 
-POINTS = 40
-"""Points of a line at most."""
-APART = 0.02
-"""Metres between two points of a line at least: where somebody stands, one is enough."""
+MOST_PATH_POINTS = 40
+POINT_SPACING = 0.02
+"""Least distance between two points in metres; a trajectory that stays in place has one point."""
 
 
-def ways(
+def find_paths(
     gallery: Gallery | None,
     clip: Clip,
     start: Motion,
@@ -31,27 +30,27 @@ def ways(
     style: str | None,
     count: int,
     seed: int,
-) -> list[WayInfo]:
-    """At most ``count`` ways for a gap of ``frames`` frames, the likeliest first; those of a style where there are any.
+) -> list[GalleryPath]:
+    """At most ``count`` paths for a gap of ``frames`` frames, the most likely first; of a style if it has any.
 
-    Raises InputError where the rig is no humanoid, there is no gallery, or none of its trajectories leads there.
+    Raises InputError if the rig is not a humanoid, there is no gallery, or none of its trajectories fits.
     """
     mapping = clip.humanoid
     if gallery is None:
-        raise InputError("the model has no gallery, so no ways are known; draw one, or choose another method")
+        raise InputError("the model has no gallery; draw a path, or choose another model")
     gap, rate = gap_of(start, goal, mapping), clip.motion.rate
     steps = model_steps(frames, rate)
-    asked = PathRequest(steps, style=style if style in gallery.styles else None)
+    query = PathRequest(steps, style=style if style in gallery.styles else None)
     try:
-        found = proposals.propose(gallery, gap.query, asked, gap.ends, count=count, seed=seed)
+        found = proposals.propose(gallery, gap.query, query, gap.ends, count=count, seed=seed)
     except Unreachable:
-        if asked.style is None:
+        if query.style is None:
             raise
         found = proposals.propose(gallery, gap.query, PathRequest(steps), gap.ends, count=count, seed=seed)
     seconds = (frames + 1) / rate
     return [
-        WayInfo(
-            line=line_of(one.path * [1.0 / mapping.scale, 1.0 / mapping.scale, 1.0], seconds),
+        GalleryPath(
+            path=point_path(one.path * [1.0 / mapping.scale, 1.0 / mapping.scale, 1.0], seconds),
             frames=user_frames(one.trace.steps, rate),
             style=one.style,
             fit=one.fit,
@@ -61,27 +60,29 @@ def ways(
     ]
 
 
-def line_of(path: Float[ndarray, "time 3"], seconds: float) -> Line:
-    """A path of x, z and yaw as a line of few points that leads the same way when it is followed.
+def point_path(path: Float[ndarray, "time 3"], seconds: float) -> PointPath:
+    """A path of x, z and yaw reduced to a few points.
 
-    The points lie where equal shares of the way and of the time are done, half each, so that bends and halts have some.
+    The points are spread evenly over the mean of covered distance and elapsed time, so that bends and halts both have
+    some.
     """
-    away = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1))])
+    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=-1))])
     share = np.linspace(0.0, 1.0, len(path))
-    done = share + (away / away[-1] if away[-1] > 0.0 else share)
-    rows = np.unique(np.searchsorted(done, np.linspace(0.0, 2.0, min(POINTS, len(path))) - 1e-9))
+    progress = share + (distance / distance[-1] if distance[-1] > 0.0 else share)
+    targets = np.linspace(0.0, 2.0, min(MOST_PATH_POINTS, len(path))) - 1e-9
+    rows = np.unique(np.searchsorted(progress, targets))
     kept = [0]
     for row in rows[1:-1].tolist():
-        far = [np.linalg.norm(path[row, :2] - path[other, :2]) for other in (kept[-1], len(path) - 1)]
-        if min(far) >= APART:
+        distances = [np.linalg.norm(path[row, :2] - path[other, :2]) for other in (kept[-1], len(path) - 1)]
+        if min(distances) >= POINT_SPACING:
             kept.append(row)
-    if np.linalg.norm(path[-1, :2] - path[0, :2]) >= APART or len(kept) > 1:
+    if np.linalg.norm(path[-1, :2] - path[0, :2]) >= POINT_SPACING or len(kept) > 1:
         kept.append(len(path) - 1)
-    some = path[kept]
-    return Line(
-        kind="line",
-        points=[(round(x, 4), round(z, 4)) for x, z in some[:, :2].tolist()],
+    points = path[kept]
+    return PointPath(
+        kind="waypoints",
+        points=[(round(x, 4), round(z, 4)) for x, z in points[:, :2].tolist()],
         times=np.round(share[kept] * seconds, 4).tolist(),
-        facing=np.round(some[:, 2], 4).tolist(),
+        facing=np.round(points[:, 2], 4).tolist(),
         drawn=False,
     )

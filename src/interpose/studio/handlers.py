@@ -1,4 +1,4 @@
-"""What the studio answers, as functions of what is asked, the rig and the models; nothing here waits or remembers."""
+"""Answers the browser's requests: functions of the request, the rig and the models, without state."""
 
 from __future__ import annotations
 
@@ -22,151 +22,153 @@ from interpose.studio import gallery_paths, pose_library, pose_rows
 from interpose.studio.messages import shapes
 from interpose.studio.methods import Sessions, session_of
 from interpose.studio.protocol import (
-    Alternative,
-    Asked,
     CandidateInfo,
     Candidates,
-    Ends,
+    ClientMessage,
+    DurationOption,
+    FindPaths,
+    GalleryPath,
+    GalleryPaths,
+    GapMessage,
     Generate,
     Library,
     LibraryPoses,
-    Line,
     Mirror,
-    Paths,
-    Posed,
-    Suggest,
-    Suggested,
-    Told,
-    WayInfo,
-    Ways,
+    MirroredPose,
+    PointPath,
+    ServerMessage,
+    SuggestDuration,
+    SuggestedDurations,
 )
-from interpose.studio.rigs import Clip, Shelf
+from interpose.studio.rigs import Clip, RigStore
 
 Arrays = Mapping[str, ndarray]
-Answer = tuple[Told, dict[str, ndarray]]
+Answer = tuple[ServerMessage, dict[str, ndarray]]
 
 
-def answer(asked: Asked, arrays: Arrays, shelf: Shelf, sessions: Sessions) -> Answer:
-    """The answer to anything but `cancel`. Raises InputError where it cannot be served, `rigs.Unknown` where the rig is
-    not here."""
-    match asked:
+def answer(message: ClientMessage, arrays: Arrays, store: RigStore, sessions: Sessions) -> Answer:
+    """The answer to any message but `cancel`.
+
+    Raises InputError if the request cannot be served, and `rigs.UnknownRig` if the store does not have the rig.
+    """
+    match message:
         case Generate():
-            return generate(asked, arrays, shelf.get(asked.rig), sessions)
-        case Suggest():
-            return suggest(asked, arrays, shelf.get(asked.rig), sessions)
-        case Paths():
-            return paths(asked, arrays, shelf.get(asked.rig), sessions)
+            return generate(message, arrays, store.get(message.rig), sessions)
+        case SuggestDuration():
+            return suggest(message, arrays, store.get(message.rig), sessions)
+        case FindPaths():
+            return find_paths(message, arrays, store.get(message.rig), sessions)
         case Mirror():
-            return mirror(asked, arrays, shelf.get(asked.rig))
+            return mirror(message, arrays, store.get(message.rig))
         case Library():
-            return poses(asked, arrays, shelf.get(asked.rig))
+            return library(message, arrays, store.get(message.rig))
         case _:
-            raise InputError(f"'{asked.type}' has no answer")
+            raise InputError(f"'{message.type}' has no answer")
 
 
-def generate(asked: Generate, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
-    """Candidates for a gap, the best first. What must be interpolated comes out once, for it has no variants."""
+def generate(message: Generate, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
+    """Candidates for a gap, best first. Interpolation has no variants, so it gives one candidate."""
     began = time.perf_counter()
     start, target = _ends(arrays, clip)
-    one = asked.live or asked.method == "interp"
-    made = inbetween.inbetween(
-        start, target, asked.frames, _request(asked, sessions), variants=1 if one else asked.variants,
+    single = message.live or message.method == "interp"
+    candidates = inbetween.inbetween(
+        start,
+        target,
+        message.frames,
+        _request(message, sessions),
+        variants=1 if single else message.variants,
         mapping=clip.mapping,
-    )  # fmt: skip
-    if all(candidate.info.trajectory is None for candidate in made):
-        made = made[:1]
-    frames = np.stack([pose_rows.of_motion(candidate.motion) for candidate in made])
-    told = {"frames": frames}
-    infos = [_told(candidate.info) for candidate in made]
-    seconds = round(time.perf_counter() - began, 4)
+    )
+    if all(candidate.info.trajectory is None for candidate in candidates):
+        candidates = candidates[:1]
+    out = {"frames": np.stack([pose_rows.of_motion(candidate.motion) for candidate in candidates])}
     header = Candidates(
         type="candidates",
-        id=asked.id,
-        gap=asked.gap,
-        live=asked.live,
-        infos=infos,
-        seconds=seconds,
-        arrays=shapes(told),
+        id=message.id,
+        gap=message.gap,
+        live=message.live,
+        infos=[_candidate_info(candidate.info) for candidate in candidates],
+        seconds=round(time.perf_counter() - began, 4),
+        arrays=shapes(out),
     )
-    return header, told
+    return header, out
 
 
-def suggest(asked: Suggest, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
-    """How long a gap should take."""
+def suggest(message: SuggestDuration, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
+    """The suggested duration of a gap, and alternatives."""
     start, target = _ends(arrays, clip)
-    request = Request("dcmoe", session_of(sessions, "dcmoe"), style_of(asked))
-    made = inbetween.suggest(start, target, request, mapping=clip.mapping)
-    others = [Alternative.model_validate(vars(each)) for each in made.alternatives]
-    return Suggested(type="suggested", id=asked.id, frames=made.frames, alternatives=others), {}
+    request = Request("dcmoe", session_of(sessions, "dcmoe"), style_of(message))
+    found = inbetween.suggest(start, target, request, mapping=clip.mapping)
+    options = [DurationOption.model_validate(vars(each)) for each in found.alternatives]
+    return SuggestedDurations(type="suggested", id=message.id, frames=found.frames, alternatives=options), {}
 
 
-def paths(asked: Paths, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
-    """The ways that the gallery knows, or why it knows none."""
+def find_paths(message: FindPaths, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
+    """The trajectories of the gallery that fit a gap, or why there are none."""
     start, target = _ends(arrays, clip)
     goal = aligned(start, target)[1]
     gallery = session_of(sessions, "dcmoe").gallery
-    found: list[WayInfo] = []
+    style = leading(style_of(message))
+    found: list[GalleryPath] = []
     reason = None
     try:
-        found = gallery_paths.ways(
-            gallery, clip, start, goal, asked.frames, leading(style_of(asked)), asked.count, asked.seed
-        )
+        found = gallery_paths.find_paths(gallery, clip, start, goal, message.frames, style, message.count, message.seed)
     except InputError as error:
         reason = str(error)
-    return Ways(type="ways", id=asked.id, ways=found, reason=reason), {}
+    return GalleryPaths(type="gallery-paths", id=message.id, paths=found, reason=reason), {}
 
 
-def mirror(asked: Mirror, arrays: Arrays, clip: Clip) -> Answer:
-    """A pose in its own mirror."""
-    (pose,) = _taken(arrays, "pose")
-    made = mirrored(pose_rows.to_motion(pose, clip.motion, "the pose")[0], clip.humanoid)
-    told = {"pose": pose_rows.of_motion(made)}
-    return Posed(type="posed", id=asked.id, arrays=shapes(told)), told
+def mirror(message: Mirror, arrays: Arrays, clip: Clip) -> Answer:
+    """A pose with left and right swapped."""
+    (pose,) = _named(arrays, "pose")
+    out = mirrored(pose_rows.to_motion(pose, clip.motion, "the pose")[0], clip.humanoid)
+    rows = {"pose": pose_rows.of_motion(out)}
+    return MirroredPose(type="mirrored", id=message.id, arrays=shapes(rows)), rows
 
 
-def poses(asked: Library, arrays: Arrays, clip: Clip) -> Answer:
-    """The poses that ship."""
-    _taken(arrays)
-    told = {"poses": pose_rows.of_motion(pose_library.posed(clip))}
-    return LibraryPoses(type="library", id=asked.id, names=list(pose_library.POSES), arrays=shapes(told)), told
+def library(message: Library, arrays: Arrays, clip: Clip) -> Answer:
+    """The bundled poses."""
+    _named(arrays)
+    rows = {"poses": pose_rows.of_motion(pose_library.posed(clip))}
+    return LibraryPoses(type="library", id=message.id, names=list(pose_library.POSES), arrays=shapes(rows)), rows
 
 
-def style_of(asked: Ends) -> str | None:
-    """The style as a request has it: a name, or two with their shares, as in ``A:0.7+B:0.3``."""
-    if asked.blend is None or asked.blend.share == 0.0:
-        return asked.style
-    if asked.style is None:
-        raise InputError(f"a share of style '{asked.blend.style}' needs a style to be a share of; choose one")
-    if asked.blend.share == 1.0 or asked.blend.style == asked.style:
-        return asked.blend.style
-    share = round(asked.blend.share, 4)
-    return f"{asked.style}:{1.0 - share:.4g}+{asked.blend.style}:{share:.4g}"
+def style_of(message: GapMessage) -> str | None:
+    """The style as `Request` expects it: a name, or two with their shares, as in ``A:0.7+B:0.3``."""
+    if message.blend is None or message.blend.share == 0.0:
+        return message.style
+    if message.style is None:
+        raise InputError(f"a blend with style '{message.blend.style}' needs a first style; choose one")
+    if message.blend.share == 1.0 or message.blend.style == message.style:
+        return message.blend.style
+    share = round(message.blend.share, 4)
+    return f"{message.style}:{1.0 - share:.4g}+{message.blend.style}:{share:.4g}"
 
 
-def _request(asked: Generate, sessions: Sessions) -> Request:
-    if asked.method == "interp":
-        return Request("interp", seed=asked.seed)
-    session, style = session_of(sessions, asked.method), style_of(asked)
-    if isinstance(asked.path, Line):
-        return Request(asked.method, session, style, "drawn", asked.seed, lines=_line(asked.path))
-    return Request(asked.method, session, style, asked.path.kind, asked.seed)
+def _request(message: Generate, sessions: Sessions) -> Request:
+    if message.method == "interp":
+        return Request("interp", seed=message.seed)
+    session, style = session_of(sessions, message.method), style_of(message)
+    if isinstance(message.path, PointPath):
+        return Request(message.method, session, style, "drawn", message.seed, lines=_path_file(message.path))
+    return Request(message.method, session, style, message.path.kind, message.seed)
 
 
-def _line(line: Line) -> PathFile:
-    """What was drawn, points that repeat the one before left out."""
-    points = np.array(line.points)
+def _path_file(path: PointPath) -> PathFile:
+    """The path as the runtime reads it, without points that repeat the previous one."""
+    points = np.array(path.points)
     kept = [0]
     for row in range(1, len(points)):
         if np.linalg.norm(points[row] - points[kept[-1]]) >= 2.0 * SAME_POINT:
             kept.append(row)
     chosen = [None if each is None else [each[row] for row in kept] if len(each) == len(points) else each
-              for each in (line.times, line.facing)]  # fmt: skip
+              for each in (path.times, path.facing)]  # fmt: skip
     return path_file.of_points(points[kept].tolist(), *chosen)
 
 
 def _ends(arrays: Arrays, clip: Clip) -> tuple[Motion, Motion]:
-    """The known frames before and after a gap, no more of them than a model is shown."""
-    start, target = _taken(arrays, "start", "target")
+    """The known frames before and after a gap, as many as a model looks at."""
+    start, target = _named(arrays, "start", "target")
     reach = int(np.ceil((CONTEXT - 1) * clip.motion.rate / MODEL_RATE)) + 1
     return (
         pose_rows.to_motion(start, clip.motion, "start")[-reach:],
@@ -174,15 +176,15 @@ def _ends(arrays: Arrays, clip: Clip) -> tuple[Motion, Motion]:
     )
 
 
-def _taken(arrays: Arrays, *names: str) -> list[ndarray]:
-    """The arrays with these names. Raises InputError where there are others, or not these."""
+def _named(arrays: Arrays, *names: str) -> list[ndarray]:
+    """The arrays with these names. Raises InputError unless exactly these are given."""
     if set(arrays) != set(names):
         given = ", ".join(name[:40] for name in arrays) or "none"
-        raise InputError(f"the arrays {', '.join(names) or 'none'} are needed here, but given are {given}")
+        raise InputError(f"this request needs the arrays {', '.join(names) or 'none'}, got {given}")
     return [arrays[name] for name in names]
 
 
-def _told(info: Info) -> CandidateInfo:
+def _candidate_info(info: Info) -> CandidateInfo:
     return CandidateInfo(
         method="interp" if info.method == "interp" else "stitch" if info.method.startswith("stitch") else "dcmoe",
         style=info.style,

@@ -1,4 +1,4 @@
-"""The poses that ship, on any humanoid rig."""
+"""The bundled poses, on any humanoid rig."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ POSES: dict[str, Pose] = {
     "Chicken": poses.CHICKEN,
     "Karate": poses.KARATE,
 }
-"""By the names that a person sees."""
+"""By the name shown in the studio."""
 
 
 def posed(clip: Clip) -> Motion:
-    """A frame for each of :data:`POSES` on the rig: on the floor, the hips above the origin, looking along +Z.
+    """One frame for each of :data:`POSES` on the rig: on the floor, hips above the origin, facing +Z.
 
-    What the 22 joints do not have, such as fingers, is as in the file's first frame. Raises InputError for a rig that
-    is no humanoid.
+    Joints beyond the 22, such as fingers, are as in the file's first frame. Raises InputError if the rig is not a
+    humanoid.
     """
     mapping, like = clip.humanoid, clip.motion[0]
     like = replace(like, root_positions=np.zeros((1, 3)))
@@ -52,5 +52,5 @@ def posed(clip: Clip) -> Motion:
 
 @cache
 def _stood() -> Motion:
-    """The poses on the 22 joints; standing them on the floor takes a tenth of a second."""
+    """The poses on the 22 joints. Placing them on the floor takes a tenth of a second."""
     return concatenate(*(poses.pose(one) for one in POSES.values()))

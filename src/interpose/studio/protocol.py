@@ -1,46 +1,46 @@
-"""All that the studio's server and its browser say to one another, in this one file.
+"""Everything that the studio's server and its browser send to each other.
 
-The TypeScript types are made from it (`python -m interpose.studio.protocol` prints the JSON schema, and
-`web/src/protocol.ts` is generated; a test holds the two together).
+The TypeScript types in `web/src/protocol.ts` are generated from this file (`python -m interpose.studio.protocol` prints
+the JSON schema); a test fails when the two differ.
 
-**Envelopes.** Every message of the websocket, and every body of HTTP that holds poses, is an envelope: four bytes with
-the length of a JSON header (unsigned, little-endian), the header in UTF-8 padded with spaces to a multiple of four,
-then the arrays that the header's `arrays` names, in that order, as little-endian 32-bit floats (`wire`).
+**Envelopes.** Every websocket message, and every HTTP body that holds poses, is an envelope: four bytes with the length
+of a JSON header (unsigned, little-endian), the header in UTF-8, padded with spaces to a multiple of four, then the
+arrays named in the header's `arrays`, in that order, as little-endian 32-bit floats (see `messages`).
 
-**Poses.** A pose of a rig with J joints is one row of 3 + 4 J floats: the root's position in metres, then each joint's
-rotation in its parent's frame as a quaternion (x, y, z, w). Where the rig is ``moved`` (its file animates the positions
-of joints), 3 J more follow: each joint's place in its parent's frame.
+**Poses.** A pose of a rig with J joints is a row of 3 + 4 J floats: the root position in metres, then each joint's
+rotation relative to its parent as a quaternion (x, y, z, w). If the rig is ``moved`` (its file animates joint
+positions), 3 J more follow: each joint's position relative to its parent.
 
-**HTTP.** POST /api/rigs?name=NAME with the bytes of a BVH file answers :class:`Rig`. GET /api/opened answers
-:class:`Opened`, what the command line named. GET /api/sample answers a :class:`Project`. POST /api/projects with a
-project file answers the same as :class:`Project` once it is checked. POST /api/export with :class:`Export` answers the
-bytes of the file. What cannot be served answers with a status of 400 or more and a :class:`Refusal`.
+**HTTP.** POST /api/rigs?name=NAME takes the bytes of a BVH file and returns a :class:`Rig`. GET /api/opened returns
+:class:`Opened`, the file given on the command line. GET /api/sample returns a :class:`Project`. POST /api/projects
+checks a project file and returns it as a :class:`Project`. POST /api/export takes an :class:`Export` and returns the
+bytes of the file. Errors have a status of 400 or more and a :class:`Refusal` as their body.
 
-**Websocket** at /api/socket: the browser sends one of :data:`Asked`, the server one of :data:`Told`. An answer has the
-``id`` of what it answers. A new `generate` for a gap takes the place of an older one that is not answered yet: that one
-is told to be `dropped`.
+**Websocket** at /api/socket: the browser sends :data:`ClientMessage`, the server :data:`ServerMessage`. An answer has
+the ``id`` of its request. A new `generate` for a gap replaces an older one that is still unanswered; the older one is
+answered with `dropped`.
 """
 
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
 LARGEST_UPLOAD = 64 * 1024 * 1024
-"""Bytes of a file, a project or an export at most."""
+"""Largest file, project or export in bytes."""
 LARGEST_MESSAGE = 4 * 1024 * 1024
-"""Bytes of a message of the websocket at most."""
+"""Largest websocket message in bytes."""
 MOST_MESSAGES = 60
-"""Messages a second that a connection may send for long; four times as many at once."""
+"""Messages per second that a connection may send; bursts may have four times as many."""
 MOST_VARIANTS = 16
 MOST_FRAMES = 6000
-"""Frames of a gap at most."""
-MOST_POINTS = 2000
-"""Points of a path at most."""
-FORMAT = 1
+"""Most frames of a gap."""
+LONGEST_PATH = 2000
+"""Most points of a path."""
+PROJECT_FORMAT = 1
 """Version of the project file."""
 
 Id = Annotated[str, Field(min_length=1, max_length=64)]
@@ -51,62 +51,63 @@ Seed = Annotated[int, Field(ge=0, le=2**31 - 1)]
 Method = Literal["dcmoe", "stitch", "interp"]
 Speed = Literal["fast", "medium", "slow"]
 Shape = Annotated[list[Annotated[int, Field(ge=0, le=2**31 - 1)]], Field(max_length=4)]
-Numbered = Annotated[int, Field(ge=0, le=2**53 - 1)]
-"""What a question is called; a number that both sides hold exactly."""
+RequestId = Annotated[int, Field(ge=0, le=2**53 - 1)]
+"""The browser's number of a request; JavaScript holds integers up to 2**53 exactly."""
 
 
-class Part(BaseModel):
-    """What all parts of the protocol have in common: nothing unknown, and it does not change."""
+class ProtocolModel(BaseModel):
+    """Base of all types here: immutable, without unknown fields."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Way(Part):
-    """A path by its name: matched from the gallery, straight, or the network's own."""
+class PathChoice(ProtocolModel):
+    """A path by name: matched from the gallery, straight, or unconstrained."""
 
     kind: Literal["auto", "straight", "none"]
 
 
-class Line(Part):
-    """A path by its points.
+class PointPath(ProtocolModel):
+    """A path through points.
 
-    points: x, z on the ground in metres of the rig. times: seconds from the start key at which each is passed. facing:
-    yaw at each, radians from +Z towards +X, unwrapped. drawn: by hand, and then points are the curve's control points.
+    points: x, z on the ground in metres of the rig. times: seconds from the start key at each point. facing: yaw at
+    each point, radians from +Z towards +X, unwrapped. drawn: drawn by hand, so that points are the control points of a
+    curve.
     """
 
-    kind: Literal["line"]
-    points: Annotated[list[tuple[Number, Number]], Field(min_length=1, max_length=MOST_POINTS)]
-    times: Annotated[list[Number], Field(max_length=MOST_POINTS)] | None = None
-    facing: Annotated[list[Number], Field(max_length=MOST_POINTS)] | None = None
+    kind: Literal["waypoints"]
+    points: Annotated[list[tuple[Number, Number]], Field(min_length=1, max_length=LONGEST_PATH)]
+    times: Annotated[list[Number], Field(max_length=LONGEST_PATH)] | None = None
+    facing: Annotated[list[Number], Field(max_length=LONGEST_PATH)] | None = None
     drawn: bool = True
 
 
-Path = Annotated[Way | Line, Field(discriminator="kind")]
+Path = Annotated[PathChoice | PointPath, Field(discriminator="kind")]
 
 
-class Blend(Part):
-    """A second style, and its share of the whole."""
+class Blend(ProtocolModel):
+    """A second style and its share of the blend."""
 
     style: Label
     share: Annotated[float, Field(ge=0.0, le=1.0)]
 
 
-class Ends(Part):
-    """What every question about a gap has: the rig, and two arrays of poses.
+class GapMessage(ProtocolModel):
+    """Base of the requests about a gap.
 
-    arrays: ``start`` (frame, row), known frames up to the start key, which comes last; ``target`` (frame, row), known
-    frames from the target key on, which comes first.
+    arrays: ``start`` (frame, row), the known frames up to and including the start key; ``target`` (frame, row), the
+    known frames from the target key on.
     """
 
-    id: Numbered
+    id: RequestId
     rig: Id
     arrays: dict[str, Shape]
     style: Label | None = None
     blend: Blend | None = None
 
 
-class Generate(Ends):
-    """Candidates for a gap. Answer: `candidates`. live: while something is dragged; one candidate, soon."""
+class Generate(GapMessage):
+    """Generates candidates for a gap. Answer: `candidates`. live: sent during a drag, for one candidate."""
 
     type: Literal["generate"]
     gap: Id
@@ -118,22 +119,22 @@ class Generate(Ends):
     live: bool = False
 
 
-class Cancel(Part):
-    """The gap's candidates are no longer wanted."""
+class Cancel(ProtocolModel):
+    """Cancels the unanswered requests for a gap's candidates."""
 
     type: Literal["cancel"]
     gap: Id
     arrays: dict[str, Shape] = {}
 
 
-class Suggest(Ends):
-    """How long should the gap take? Answer: `suggested`."""
+class SuggestDuration(GapMessage):
+    """Asks how long a gap should be. Answer: `suggested`."""
 
     type: Literal["suggest"]
 
 
-class Paths(Ends):
-    """Which ways does the gallery know? frames: of the gap. Answer: `ways`."""
+class FindPaths(GapMessage):
+    """Asks for trajectories of the gallery that fit a gap of so many frames. Answer: `gallery-paths`."""
 
     type: Literal["paths"]
     frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)]
@@ -141,29 +142,31 @@ class Paths(Ends):
     seed: Seed
 
 
-class Mirror(Part):
-    """A pose with left and right exchanged about its own facing. arrays: ``pose`` (1, row). Answer: `posed`."""
+class Mirror(ProtocolModel):
+    """Swaps left and right of a pose about its own facing. arrays: ``pose`` (1, row). Answer: `mirrored`."""
 
     type: Literal["mirror"]
-    id: Numbered
+    id: RequestId
     rig: Id
     arrays: dict[str, Shape]
 
 
-class Library(Part):
-    """The poses that ship, on a rig. Answer: `library`."""
+class Library(ProtocolModel):
+    """Asks for the bundled poses on a rig. Answer: `library`."""
 
     type: Literal["library"]
-    id: Numbered
+    id: RequestId
     rig: Id
     arrays: dict[str, Shape] = {}
 
 
-Asked = Annotated[Generate | Cancel | Suggest | Paths | Mirror | Library, Field(discriminator="type")]
+ClientMessage = Annotated[
+    Generate | Cancel | SuggestDuration | FindPaths | Mirror | Library, Field(discriminator="type")
+]
 
 
-class MethodInfo(Part):
-    """A method that can be asked for. styles: of its model, none for interpolation. paths: whether it follows them."""
+class MethodInfo(ProtocolModel):
+    """A method. styles: of its model, none for interpolation. paths: whether it follows them."""
 
     method: Method
     model: str | None
@@ -172,7 +175,7 @@ class MethodInfo(Part):
     paths: bool
 
 
-class Welcome(Part):
+class Welcome(ProtocolModel):
     """The first message of every connection."""
 
     type: Literal["welcome"]
@@ -181,12 +184,12 @@ class Welcome(Part):
     arrays: dict[str, Shape] = {}
 
 
-class CandidateInfo(Part):
-    """What is told of one candidate.
+class CandidateInfo(ProtocolModel):
+    """What is known about one candidate.
 
-    style: of this variant. trajectory: where its path is from (matched, composed, drawn, straight, model), or None.
-    foot_slide: cm a frame, None where the rig's feet are not known. fallback: what could not be served as asked, and
-    what served instead.
+    style: of this variant. trajectory: the source of its path (matched, composed, drawn, straight, model), or None.
+    foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could not be served, and what was used
+    instead.
     """
 
     method: Method
@@ -198,12 +201,12 @@ class CandidateInfo(Part):
     fallback: str | None
 
 
-class Candidates(Part):
-    """The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: of
-    the server's work."""
+class Candidates(ProtocolModel):
+    """The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: time
+    that the server took."""
 
     type: Literal["candidates"]
-    id: Numbered
+    id: RequestId
     gap: Id
     live: bool
     infos: list[CandidateInfo]
@@ -211,103 +214,103 @@ class Candidates(Part):
     arrays: dict[str, Shape]
 
 
-class Dropped(Part):
-    """A `generate` that was not answered because a newer one, or `cancel`, came."""
+class Dropped(ProtocolModel):
+    """The answer to a `generate` that a newer one, or `cancel`, replaced."""
 
     type: Literal["dropped"]
-    id: Numbered
+    id: RequestId
     gap: Id
     arrays: dict[str, Shape] = {}
 
 
-class Failed(Part):
-    """What could not be served, and why, in one sentence. again: whether the rig has to be sent again."""
+class Failed(ProtocolModel):
+    """The request failed, for a reason given in one sentence. again: whether the rig has to be sent again."""
 
     type: Literal["failed"]
-    id: Numbered
+    id: RequestId
     gap: Id | None
     reason: str
     again: bool = False
     arrays: dict[str, Shape] = {}
 
 
-class Alternative(Part):
-    """A duration. fit: the share of the gallery's trajectories with that speed."""
+class DurationOption(ProtocolModel):
+    """A duration for a gap. fit: the share of the gallery's trajectories with that speed."""
 
     speed: Speed
     frames: int
     fit: float
 
 
-class Suggested(Part):
+class SuggestedDurations(ProtocolModel):
     """The answer to `suggest`."""
 
     type: Literal["suggested"]
-    id: Numbered
+    id: RequestId
     frames: int
-    alternatives: list[Alternative]
+    alternatives: list[DurationOption]
     arrays: dict[str, Shape] = {}
 
 
-class WayInfo(Part):
-    """A trajectory of the gallery. line: ready to be a gap's path. frames: what it took when it was walked, in the
-    rig's rate. fit: 0 to 1. composed: of several windows."""
+class GalleryPath(ProtocolModel):
+    """A trajectory of the gallery. path: ready to be a gap's path. frames: its original duration at the rig's rate.
+    fit: 0 to 1. composed: of several windows."""
 
-    line: Line
+    path: PointPath
     frames: int
     style: str | None
     fit: float
     composed: bool
 
 
-class Ways(Part):
-    """The answer to `paths`, the likeliest first; none, with the reason, where none leads there."""
+class GalleryPaths(ProtocolModel):
+    """The answer to `paths`, the most likely first; empty, with the reason, if there is none."""
 
-    type: Literal["ways"]
-    id: Numbered
-    ways: list[WayInfo]
+    type: Literal["gallery-paths"]
+    id: RequestId
+    paths: list[GalleryPath]
     reason: str | None
     arrays: dict[str, Shape] = {}
 
 
-class Posed(Part):
+class MirroredPose(ProtocolModel):
     """The answer to `mirror`. arrays: ``pose`` (1, row)."""
 
-    type: Literal["posed"]
-    id: Numbered
+    type: Literal["mirrored"]
+    id: RequestId
     arrays: dict[str, Shape]
 
 
-class LibraryPoses(Part):
+class LibraryPoses(ProtocolModel):
     """The answer to `library`. arrays: ``poses`` (pose, row), hips above the origin, facing +Z."""
 
     type: Literal["library"]
-    id: Numbered
+    id: RequestId
     names: list[str]
     arrays: dict[str, Shape]
 
 
-Told = Annotated[
-    Welcome | Candidates | Dropped | Failed | Suggested | Ways | Posed | LibraryPoses, Field(discriminator="type")
+ServerMessage = Annotated[
+    Welcome | Candidates | Dropped | Failed | SuggestedDurations | GalleryPaths | MirroredPose | LibraryPoses,
+    Field(discriminator="type"),
 ]
 
 
-class Foot(Part):
-    """A joint of a foot. height: above the floor when the foot is flat on it, metres of the rig."""
+class FootJoint(ProtocolModel):
+    """A joint of a foot. height: above the floor when the foot is flat on it, in metres of the rig."""
 
     joint: int
     height: float
 
 
-class Rig(Part):
-    """An opened BVH file: its skeleton, its figure and its frames.
+class Rig(ProtocolModel):
+    """An opened BVH file: its skeleton, mannequin and frames.
 
-    id: of the file's contents; the same bytes have the same. humanoid: for each of the 22 joints that it has, its own
-    joint. reason: None, or why it is no humanoid, so that only interpolation serves it. size: metres, about the height
-    of its hips. notes: what was odd about the file.
+    id: a hash of the file's contents. humanoid: the rig's joint for each of the 22 joints that it has. reason: None, or
+    why it is not a humanoid, so that only interpolation serves it. size: roughly the height of the hips in metres.
 
-    arrays: ``offsets`` (joint, 3), each joint's place in its parent's frame. ``frames`` (frame, row). The figure's
-    ``vertices`` and ``normals`` (vertex, 3), in the frame of the joint ``carriers`` (vertex,); ``triangles``
+    arrays: ``offsets`` (joint, 3), each joint's position relative to its parent. ``frames`` (frame, row). The
+    mannequin's ``vertices`` and ``normals`` (vertex, 3), relative to the joint in ``carriers`` (vertex,); ``triangles``
     (triangle, 3); ``sides`` (triangle,), 0 middle, 1 left, 2 right.
     """
 
@@ -320,13 +323,13 @@ class Rig(Part):
     profile: str | None
     reason: str | None
     humanoid: dict[str, int]
-    feet: list[Foot]
+    feet: list[FootJoint]
     size: float
     arrays: dict[str, Shape]
 
 
-class Export(Part):
-    """A whole motion to be written. rows: (frame, frame of the rig's file) that come out digit for digit.
+class Export(ProtocolModel):
+    """A whole motion to write. rows: pairs (frame, frame of the rig's file) that are copied digit for digit.
 
     arrays: ``frames`` (frame, row).
     """
@@ -337,31 +340,31 @@ class Export(Part):
     arrays: dict[str, Shape]
 
 
-class Refusal(Part):
-    """Why a request of HTTP was refused, in one sentence. again: whether the rig has to be sent again."""
+class Refusal(ProtocolModel):
+    """Why an HTTP request was refused, in one sentence. again: whether the rig has to be sent again."""
 
     reason: str
     again: bool = False
 
 
-class Source(Part):
-    """The BVH file that a project is about, whole."""
+class SourceFile(ProtocolModel):
+    """The BVH file of a project."""
 
     name: Label
     text: str
 
 
-class GapSettings(Part):
-    """What is asked of the gap after a key.
+class GapSettings(ProtocolModel):
+    """The settings of the gap after a key.
 
-    method: ``clip`` keeps the source's own frames, which lie between the two keys' source frames. speed: how
-    the duration was chosen, None by frames. chosen: which candidate shows. locked: it stays as it is.
+    method: ``clip`` keeps the source's own frames between the source frames of the two keys. speed: set if the duration
+    was chosen by speed. chosen: which candidate is shown. locked: nothing changes it.
     """
 
     method: Literal["clip"] | Method
     style: Label | None = None
     blend: Blend | None = None
-    path: Path = Way(kind="auto")
+    path: Path = PathChoice(kind="auto")
     variants: Annotated[int, Field(ge=1, le=MOST_VARIANTS)] = 4
     seed: Seed = 0
     speed: Speed | None = None
@@ -369,9 +372,9 @@ class GapSettings(Part):
     locked: bool = False
 
 
-class ProjectKey(Part):
-    """A key. pose: its row, 32-bit floats in base64; None for the pose of the source's frame. source: the frame of the
-    source's file that it is, unchanged. after: the gap that follows. motion: the frames shown there, in base64, where
+class ProjectKey(ProtocolModel):
+    """A key. pose: its row, 32-bit floats in base64; None for the pose of the source frame. source: the frame of the
+    source file, if the pose is unchanged. after: the gap that follows. motion: the frames shown there, in base64, where
     they are worth keeping."""
 
     id: Id
@@ -382,50 +385,53 @@ class ProjectKey(Part):
     motion: str | None = None
 
 
-class Project(Part):
-    """A project file, `.interpose`: JSON, with all that it needs in it."""
+class Project(ProtocolModel):
+    """A project file, `.interpose`: self-contained JSON."""
 
     format: Literal[1]
     name: Label
-    source: Source
+    source: SourceFile
     keys: Annotated[list[ProjectKey], Field(max_length=5000)]
 
 
-class Opened(Part):
-    """What the command line named: a BVH file, a project, or neither."""
+class Opened(ProtocolModel):
+    """What the command line opened: a BVH file, a project, or neither."""
 
-    source: Source | None
+    source: SourceFile | None
     project: Project | None
 
 
-ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
-TOLD: TypeAdapter[Told] = TypeAdapter(Told)
+CLIENT_MESSAGE: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
+SERVER_MESSAGE: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
 
 
 def schema() -> dict[str, Any]:
-    """The JSON schema of everything above, for the TypeScript types; fields that have a default count as given."""
-    asked = (Generate, Cancel, Suggest, Paths, Mirror, Library)
-    told = (Welcome, Candidates, Dropped, Failed, Suggested, Ways, Posed, LibraryPoses)
-    alone = (Rig, Export, Refusal, Opened)
-    _, made = models_json_schema(
-        [(model, "serialization") for model in (*asked, *told, *alone)], ref_template="#/$defs/{model}"
-    )
+    """The JSON schema of all types above, for TypeScript. Fields with a default count as required."""
+    bodies = (Rig, Export, Refusal, Opened)
+    unions = {"ClientMessage": _members(ClientMessage), "ServerMessage": _members(ServerMessage)}
+    models = [model for group in (*unions.values(), bodies) for model in group]
+    _, made = models_json_schema([(model, "serialization") for model in models], ref_template="#/$defs/{model}")
     definitions = _plain(made["$defs"])
-    definitions["Asked"] = {"anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in asked]}
-    definitions["Told"] = {"anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in told]}
-    roots = ("Asked", "Told", *(model.__name__ for model in alone))
+    for name, members in unions.items():
+        definitions[name] = {"anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in members]}
+    roots = (*unions, *(model.__name__ for model in bodies))
     return {
         "title": "Protocol",
-        "description": "Everything that travels between the studio's server and its browser.",
+        "description": "Everything that the studio's server and its browser send to each other.",
         "type": "object",
-        "properties": {name.lower(): {"$ref": f"#/$defs/{name}"} for name in roots},
-        "required": [name.lower() for name in roots],
+        "properties": {name: {"$ref": f"#/$defs/{name}"} for name in roots},
+        "required": list(roots),
         "$defs": definitions,
     }
 
 
+def _members(union: Any) -> tuple[type[BaseModel], ...]:
+    """The models of an annotated union."""
+    return get_args(get_args(union)[0])
+
+
 def _plain(held: Any) -> Any:
-    """A schema in the words that json2ts knows: tuples as lists of items, no titles, no lengths of lists."""
+    """A schema that json2ts understands: tuples as lists of items, no titles, no list lengths."""
     if isinstance(held, list):
         return [_plain(each) for each in held]
     if not isinstance(held, dict):

@@ -1,4 +1,4 @@
-"""BVH files that the browser has opened, kept for as long as there is room, and what it is told of them."""
+"""Stores the BVH files that the browser has opened, as long as there is room, and describes them to it."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from interpose.runtime.inbetween import mapping_of
 from interpose.skeleton import HUMANOID
 from interpose.studio import pose_rows
 from interpose.studio.messages import shapes
-from interpose.studio.protocol import Foot, Rig
+from interpose.studio.protocol import FootJoint, Rig
 
-ROOM = 512 * 1024 * 1024
-"""Bytes of opened files that are kept at most, the newest in any case."""
-MOST = 16
-"""Files that are kept at most."""
+RIG_BYTES = 512 * 1024 * 1024
+"""Limit of the opened files in bytes; the newest is always kept."""
+MOST_RIGS = 16
+"""Most opened files."""
 
-_TOES = -HUMANOID.offsets[HUMANOID.index("LeftToe"), 1]  # the ankle's height over the toe joint of a flat foot
-_FLAT = np.array([_TOES, 0.0, _TOES, 0.0])
+_TOES = -HUMANOID.offsets[HUMANOID.index("LeftToe"), 1]  # height of the ankle above the toe joint of a flat foot
+_FLAT_FEET = np.array([_TOES, 0.0, _TOES, 0.0])
 _LEG = -HUMANOID.offsets[[HUMANOID.index("LeftLeg"), HUMANOID.index("LeftFoot")], 1].sum()
 
 
-class Unknown(InputError):
-    """The rig is not kept, or not any more; its file has to be sent again."""
+class UnknownRig(InputError):
+    """The rig is not in the store (any more); its file has to be sent again."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """An opened file. motion: with the layout to write more in. mapping: or in a phrase why it is no humanoid."""
+    """An opened file. motion: with the file's layout. mapping: to the 22 joints, or why the rig is not a humanoid."""
 
     id: str
     motion: Motion
@@ -46,14 +46,14 @@ class Clip:
 
     @property
     def humanoid(self) -> retarget.Mapping:
-        """The mapping. Raises InputError where there is none."""
+        """The mapping. Raises InputError if there is none."""
         if isinstance(self.mapping, str):
-            raise InputError(f"this rig is no humanoid: {self.mapping}")
+            raise InputError(f"this rig is not a humanoid: {self.mapping}")
         return self.mapping
 
     @property
     def size(self) -> int:
-        """Bytes, about."""
+        """Approximate size in bytes."""
         motion = self.motion
         arrays = [motion.root_positions, motion.local_rotations, motion.translations]
         layout = 0 if motion.layout is None else motion.layout.nbytes
@@ -61,48 +61,48 @@ class Clip:
 
 
 @dataclass
-class Shelf:
-    """Opened files by their id, those used last kept. Calls may come from several threads."""
+class RigStore:
+    """Opened files by their id; drops the least recently used. Safe to call from several threads."""
 
-    room: int = ROOM
-    most: int = MOST
+    room: int = RIG_BYTES
+    most: int = MOST_RIGS
     _kept: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def open(self, data: bytes, name: str) -> Clip:
-        """The file with these bytes; parsed where it is not here yet. Raises InputError for a file that cannot be."""
-        known = identity(data)
+        """The file with these bytes, parsed if it is new. Raises InputError if it cannot be parsed."""
+        id = identity(data)
         try:
-            return self.get(known)
-        except Unknown:
+            return self.get(id)
+        except UnknownRig:
             pass
         motion = io.parse(data, name)
-        clip = Clip(known, motion, mapping_of(motion))
+        clip = Clip(id, motion, mapping_of(motion))
         with self._lock:
-            self._kept[known] = clip
+            self._kept[id] = clip
             while len(self._kept) > self.most or (self._size() > self.room and len(self._kept) > 1):
                 self._kept.popitem(last=False)
         return clip
 
-    def get(self, known: str) -> Clip:
-        """Raises :class:`Unknown` where it is not here."""
+    def get(self, id: str) -> Clip:
+        """The file with this id. Raises :class:`UnknownRig` if it is not stored."""
         with self._lock:
-            if known not in self._kept:
-                raise Unknown("the server does not have this rig any more; open its file again")
-            self._kept.move_to_end(known)
-            return self._kept[known]
+            if id not in self._kept:
+                raise UnknownRig("the server no longer has this rig; open its file again")
+            self._kept.move_to_end(id)
+            return self._kept[id]
 
     def _size(self) -> int:
         return sum(one.size for one in self._kept.values())
 
 
 def identity(data: bytes) -> str:
-    """The id of a file's contents."""
+    """The id of a file, a hash of its contents."""
     return hashlib.sha256(data).hexdigest()[:32]
 
 
-def told(clip: Clip, name: str) -> tuple[Rig, dict[str, ndarray]]:
-    """What the browser is told of a file, and its arrays."""
+def describe(clip: Clip, name: str) -> tuple[Rig, dict[str, ndarray]]:
+    """The description of a file for the browser, and its arrays."""
     motion, mapping = clip.motion, clip.mapping
     body = figure(motion)
     arrays: dict[str, ndarray] = {
@@ -133,23 +133,23 @@ def told(clip: Clip, name: str) -> tuple[Rig, dict[str, ndarray]]:
     return answer, arrays
 
 
-def feet(mapping: retarget.Mapping) -> list[Foot]:
-    """The joints of the feet, and how high each is when the foot is flat: as contacts are judged on the 22 joints, but
-    for how the rig's own feet are built.
+def feet(mapping: retarget.Mapping) -> list[FootJoint]:
+    """The joints of the feet with their heights when the foot is flat: those of the 22 joints, adapted to the
+    proportions of the rig's own feet.
     """
     ankle = (_TOES - mapping.lift) / mapping.scale
     out = []
-    for name, usual, flat in zip(JOINTS, REST_HEIGHTS, _FLAT, strict=True):
+    for name, usual, flat in zip(JOINTS, REST_HEIGHTS, _FLAT_FEET, strict=True):
         joint = mapping.joints[HUMANOID.index(name)]
         if joint is None:
             continue
         height = ankle + (_drop(mapping, name, joint) if name.endswith("Toe") else 0.0)
-        out.append(Foot(joint=joint, height=max(0.0, float(height + (usual - flat) / mapping.scale))))
+        out.append(FootJoint(joint=joint, height=max(0.0, float(height + (usual - flat) / mapping.scale))))
     return out
 
 
 def _drop(mapping: retarget.Mapping, toe: str, joint: int) -> float:
-    """How far the toe joint of a flat foot lies above its ankle (it is negative), metres of the rig."""
+    """Height of the toe joint of a flat foot above its ankle (negative), in metres of the rig."""
     above = HUMANOID.index(toe.replace("Toe", "Foot"))
     bone = np.zeros(3)
     while joint not in (mapping.joints[above], -1):
@@ -159,7 +159,7 @@ def _drop(mapping: retarget.Mapping, toe: str, joint: int) -> float:
 
 
 def _size(motion: Motion, mapping: retarget.Mapping | str) -> float:
-    """About the height of the hips; of a rig that is no humanoid, of its root above its lowest joint."""
+    """Roughly the height of the hips; if the rig is not a humanoid, of its root above the lowest joint."""
     if isinstance(mapping, retarget.Mapping):
         return float((_TOES + _LEG - mapping.lift) / mapping.scale)
     some = motion[:: max(1, len(motion) // 50)].global_positions()

@@ -1,4 +1,4 @@
-"""The sample scene that a first visit opens with: key poses made by hand, and what is asked of the gaps between."""
+"""The sample scene of a first visit: key poses made by hand, and the settings of the gaps between them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from interpose import io
 from interpose.demo import poses
 from interpose.demo.poses import Pose
 from interpose.motion import concatenate
-from interpose.studio.protocol import GapSettings, Project, ProjectKey, Source
+from interpose.studio.protocol import GapSettings, Project, ProjectKey, SourceFile
 
 
 @dataclass(frozen=True)
 class _Key:
-    """A pose, when, where on the ground, which way it looks in degrees from +Z towards +X, and the gap after it."""
+    """A pose at a frame and a place on the ground. heading: degrees from +Z towards +X. after: the next gap."""
 
     pose: Pose
     frame: int
@@ -34,11 +34,11 @@ _KEYS = (
 
 @cache
 def sample() -> Project:
-    """The scene as a project; its source has a frame a key."""
+    """The scene as a project whose source has one frame per key."""
     clip = concatenate(*(poses.pose(key.pose, key.ground, key.heading) for key in _KEYS))
     text = io.serialize(clip, "sample.bvh").decode()
     keys = [
         ProjectKey(id=f"sample-{i}", frame=key.frame, pose=None, source=i, after=key.after)
         for i, key in enumerate(_KEYS)
     ]
-    return Project(format=1, name="Sample scene", source=Source(name="sample.bvh", text=text), keys=keys)
+    return Project(format=1, name="Sample scene", source=SourceFile(name="sample.bvh", text=text), keys=keys)

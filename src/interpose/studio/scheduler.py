@@ -1,9 +1,9 @@
-"""The work of all connections: what waits, what is next, and what is dropped because something newer came.
+"""Schedules the requests of all connections: which waits, which runs next, and which is dropped for a newer one.
 
-A :class:`Desk` belongs to one connection and a :class:`Workshop` to the process. They live on the event loop; only the
-work itself runs in threads. Of one connection a `generate` that is live goes first, one at a time, for two in Python
-take twice as long each; then everything else in turn, but only one `generate` that is not live at a time, so that there
-is room for what must be quick. Of several connections the one with the least running goes first.
+A :class:`RequestQueue` belongs to a connection, the :class:`WorkerPool` to the process. Both live on the event loop;
+only the jobs run in threads. Within a connection, a live `generate` goes first, one at a time, because two in Python
+would each take twice as long. Everything else follows in order, with at most one full `generate` at a time, to leave
+room for quick requests. Between connections, the one with the fewest running jobs goes first.
 """
 
 from __future__ import annotations
@@ -22,34 +22,37 @@ from interpose.errors import InputError
 from interpose.studio import messages
 from interpose.studio.handlers import Answer
 from interpose.studio.protocol import (
-    ASKED,
+    CLIENT_MESSAGE,
     LARGEST_MESSAGE,
     MOST_MESSAGES,
-    Asked,
     Cancel,
+    ClientMessage,
     Dropped,
     Failed,
     Generate,
 )
-from interpose.studio.rigs import Unknown
+from interpose.studio.rigs import UnknownRig
 
-Serve = Callable[[Asked, Mapping[str, ndarray]], Answer]
+Serve = Callable[[ClientMessage, Mapping[str, ndarray]], Answer]
 
-AT_ONCE = 2
-"""Pieces of work in the process."""
+WORKER_THREADS = 2
+"""Jobs that run at once in the process."""
 MOST_WAITING = 256
-"""Pieces of work of one connection that wait."""
+"""Waiting jobs per connection."""
 MOST_UNSENT = 2
-"""Answers of one connection that the browser has not taken yet; with more, none of its work is begun."""
-MOST_LEFT = 4096
-"""Messages that a browser leaves lying before its connection is closed."""
-LARGEST_HEADER = 512 * 1024
+"""Unsent answers per connection from which on none of its jobs is started."""
+MOST_UNREAD = 4096
+"""Unread messages from which on a connection is closed."""
+LARGEST_MESSAGE_HEADER = 512 * 1024
 MALFORMED, UNWELCOME, TOO_LARGE = 1007, 1008, 1009
-"""Codes that a connection is closed with (RFC 6455, section 7.4.1)."""
+"""Codes for closing a connection (RFC 6455, section 7.4.1)."""
 
 
-class Refused(Exception):
-    """The connection is to be closed with this code, for this reason."""
+INTERNAL_ERROR = "internal server error; see the terminal for details"
+
+
+class Disconnect(Exception):
+    """The connection has to be closed with this code, for this reason."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
@@ -59,106 +62,106 @@ class Refused(Exception):
 
 @dataclass(eq=False)
 class Job:
-    """A question that is not answered yet. dropped: its answer is not wanted any more."""
+    """An unanswered request. dropped: a newer request has replaced it."""
 
-    asked: Asked
+    message: ClientMessage
     arrays: Mapping[str, ndarray]
-    desk: Desk
+    queue: RequestQueue
     dropped: bool = False
 
     @property
     def live(self) -> bool:
-        return isinstance(self.asked, Generate) and self.asked.live
+        return isinstance(self.message, Generate) and self.message.live
 
     @property
     def full(self) -> bool:
-        return isinstance(self.asked, Generate) and not self.asked.live
+        return isinstance(self.message, Generate) and not self.message.live
 
 
-class Workshop:
-    """Does the work of all desks, :data:`AT_ONCE` pieces at once, in threads of its own."""
+class WorkerPool:
+    """Runs the jobs of all queues, :data:`WORKER_THREADS` at once, in its own threads."""
 
-    def __init__(self, serve: Serve, at_once: int = AT_ONCE) -> None:
+    def __init__(self, serve: Serve, at_once: int = WORKER_THREADS) -> None:
         self._serve = serve
         self._at_once = at_once
-        self._pool = ThreadPoolExecutor(at_once, thread_name_prefix="studio")
-        self._desks: list[Desk] = []
+        self._threads = ThreadPoolExecutor(at_once, thread_name_prefix="studio")
+        self._queues: list[RequestQueue] = []
         self._running = 0
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def open(self, desk: Desk) -> None:
-        self._desks.append(desk)
+    def open(self, queue: RequestQueue) -> None:
+        self._queues.append(queue)
 
-    def close(self, desk: Desk) -> None:
-        self._desks.remove(desk)
+    def close(self, queue: RequestQueue) -> None:
+        self._queues.remove(queue)
 
     def stop(self) -> None:
-        """No further work is begun."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """Starts no further jobs."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
 
-    def begin(self) -> None:
-        """Begins whatever there is room for."""
+    def start(self) -> None:
+        """Starts as many jobs as there is room for."""
         while self._running < self._at_once:
-            ready = [(desk, job) for desk in self._desks if (job := desk.next()) is not None]
+            ready = [(queue, job) for queue in self._queues if (job := queue.next()) is not None]
             if not ready:
                 return
-            desk, job = min(ready, key=lambda one: (len(one[0].running), not one[1].live))
-            self._desks.remove(desk)
-            self._desks.append(desk)  # the others' turn comes first
-            desk.waiting.remove(job)
-            desk.running.append(job)
+            queue, job = min(ready, key=lambda one: (len(one[0].running), not one[1].live))
+            self._queues.remove(queue)
+            self._queues.append(queue)  # it goes last next time
+            queue.waiting.remove(job)
+            queue.running.append(job)
             self._running += 1
-            task = asyncio.get_running_loop().create_task(self._do(job))
+            task = asyncio.get_running_loop().create_task(self._run(job))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
-    async def _do(self, job: Job) -> None:
+    async def _run(self, job: Job) -> None:
         try:
-            made = await asyncio.get_running_loop().run_in_executor(self._pool, _made, self._serve, job)
+            answer = await asyncio.get_running_loop().run_in_executor(self._threads, _answer, self._serve, job)
         finally:
             self._running -= 1
-            job.desk.running.remove(job)
-        job.desk.finished(job, made)
-        self.begin()
+            job.queue.running.remove(job)
+        job.queue.finished(job, answer)
+        self.start()
 
 
-class Desk:
-    """What one connection has asked for and has not got yet."""
+class RequestQueue:
+    """The unanswered requests of one connection."""
 
-    def __init__(self, workshop: Workshop, send: Callable[[bytes], Awaitable[None]]) -> None:
+    def __init__(self, pool: WorkerPool, send: Callable[[bytes], Awaitable[None]]) -> None:
         self.waiting: list[Job] = []
         self.running: list[Job] = []
-        self._workshop = workshop
+        self._pool = pool
         self._send = send
         self._outgoing: asyncio.Queue[tuple[bytes, bool]] = asyncio.Queue()
         self._unsent = 0
         self._open = True
-        self._bucket = Bucket()
-        workshop.open(self)
+        self._limit = RateLimit()
+        pool.open(self)
 
     def take(self, data: bytes) -> None:
-        """A message came. Raises :class:`Refused` where the connection is to be closed for it."""
-        if not self._bucket.take():
-            raise Refused(UNWELCOME, f"too many messages: {MOST_MESSAGES} a second are served; send fewer")
-        if self._outgoing.qsize() > MOST_LEFT:
-            raise Refused(UNWELCOME, "too many answers lie unread; read them, or ask less")
+        """Queues the request in a message. Raises :class:`Disconnect` if the connection has to be closed."""
+        if not self._limit.take():
+            raise Disconnect(UNWELCOME, f"too many messages; send at most {MOST_MESSAGES} per second")
+        if self._outgoing.qsize() > MOST_UNREAD:
+            raise Disconnect(UNWELCOME, "too many unread answers; read them, or send fewer requests")
         if len(data) > LARGEST_MESSAGE:
-            raise Refused(TOO_LARGE, f"a message of {len(data)} bytes came; {LARGEST_MESSAGE} are the most")
+            raise Disconnect(TOO_LARGE, f"the message has {len(data)} bytes; the limit is {LARGEST_MESSAGE}")
         try:
-            asked, arrays = messages.unpack(data, ASKED, LARGEST_HEADER)
+            message, arrays = messages.unpack(data, CLIENT_MESSAGE, LARGEST_MESSAGE_HEADER)
         except InputError as error:
-            raise Refused(MALFORMED, str(error)) from None
-        if isinstance(asked, Generate | Cancel):
-            self._drop(asked.gap)
-        if not isinstance(asked, Cancel):
+            raise Disconnect(MALFORMED, str(error)) from None
+        if isinstance(message, Generate | Cancel):
+            self._drop(message.gap)
+        if not isinstance(message, Cancel):
             if len(self.waiting) >= MOST_WAITING:
-                self._say(_failed(asked, f"{MOST_WAITING} questions wait for an answer already; ask again later"))
+                self._reply(_failed(message, f"{MOST_WAITING} requests are already waiting; try again later"))
                 return
-            self.waiting.append(Job(asked, arrays, self))
-        self._workshop.begin()
+            self.waiting.append(Job(message, arrays, self))
+        self._pool.start()
 
     def next(self) -> Job | None:
-        """What is to be done next; None where nothing waits, or the browser has not taken what was done."""
+        """The next job; None if nothing waits, or if the browser has not read its earlier answers."""
         if self._unsent + len(self.running) >= MOST_UNSENT:
             return None
         live = [job for job in self.waiting if job.live]
@@ -167,42 +170,41 @@ class Desk:
         busy = any(job.full for job in self.running)
         return next((job for job in self.waiting if not (busy and job.full)), None)
 
-    def finished(self, job: Job, made: bytes) -> None:
-        """A piece of work is done; a dropped one was told of before."""
+    def finished(self, job: Job, answer: bytes) -> None:
+        """Queues a finished job's answer. A dropped job has been answered already."""
         if self._open and not job.dropped:
             self._unsent += 1
-            self._outgoing.put_nowait((made, True))
+            self._outgoing.put_nowait((answer, True))
 
     async def write(self) -> None:
-        """Sends what is to be said, one message after the other, until it is cancelled."""
+        """Sends outgoing messages in order, until it is cancelled."""
         while True:
             data, answer = await self._outgoing.get()
             await self._send(data)
             if answer:
                 self._unsent -= 1
-                self._workshop.begin()
+                self._pool.start()
 
     def close(self) -> None:
-        """The connection is gone: nothing waits any more, and what runs is for nobody."""
+        """The connection is gone: discards waiting jobs and the answers of running ones."""
         self._open = False
         self.waiting.clear()
-        self._workshop.close(self)
+        self._pool.close(self)
 
     def _drop(self, gap: str) -> None:
-        """Tells that what was asked of a gap before is not answered."""
-        old = [job for job in (*self.waiting, *self.running) if isinstance(job.asked, Generate)]
-        for job in old:
-            if job.asked.gap == gap and not job.dropped:  # type: ignore[union-attr]
+        """Answers the earlier requests for a gap's candidates with `dropped`."""
+        for job in (*self.waiting, *self.running):
+            if isinstance(job.message, Generate) and job.message.gap == gap and not job.dropped:
                 job.dropped = True
-                self._say(messages.pack(Dropped(type="dropped", id=job.asked.id, gap=gap), {}))  # type: ignore[union-attr]
+                self._reply(messages.pack(Dropped(type="dropped", id=job.message.id, gap=gap), {}))
         self.waiting = [job for job in self.waiting if not job.dropped]
 
-    def _say(self, data: bytes) -> None:
+    def _reply(self, data: bytes) -> None:
         self._outgoing.put_nowait((data, False))
 
 
-class Bucket:
-    """How many messages may come: :data:`MOST_MESSAGES` a second for long, four times as many at once."""
+class RateLimit:
+    """A token bucket: :data:`MOST_MESSAGES` messages per second, four times as many in a burst."""
 
     def __init__(self, rate: float = MOST_MESSAGES, clock: Callable[[], float] = time.monotonic) -> None:
         self._rate = rate
@@ -211,7 +213,7 @@ class Bucket:
         self._then = clock()
 
     def take(self) -> bool:
-        """Whether there is one left."""
+        """Whether another message is allowed."""
         now = self._clock()
         self._left = min(4.0 * self._rate, self._left + (now - self._then) * self._rate)
         self._then = now
@@ -221,24 +223,24 @@ class Bucket:
         return True
 
 
-def _made(serve: Serve, job: Job) -> bytes:
-    """The answer to a job, whatever happens; runs in a thread."""
+def _answer(serve: Serve, job: Job) -> bytes:
+    """The answer to a job, whatever happens. Runs in a thread."""
     if job.dropped:
         return b""
     try:
-        return messages.pack(*serve(job.asked, job.arrays))
-    except Unknown as error:
-        return _failed(job.asked, str(error), again=True)
+        return messages.pack(*serve(job.message, job.arrays))
+    except UnknownRig as error:
+        return _failed(job.message, str(error), again=True)
     except InputError as error:
-        return _failed(job.asked, str(error))
+        return _failed(job.message, str(error))
     except MemoryError:
-        return _failed(job.asked, "there is not enough memory for this; ask for fewer candidates or a shorter gap")
+        return _failed(job.message, "not enough memory; reduce the number of candidates or shorten the gap")
     except Exception:
         traceback.print_exc(file=sys.stderr)
-        return _failed(job.asked, "this went wrong in the server, by a fault of its own; the terminal says more")
+        return _failed(job.message, INTERNAL_ERROR)
 
 
-def _failed(asked: Asked, reason: str, again: bool = False) -> bytes:
-    number = 0 if isinstance(asked, Cancel) else asked.id
-    gap = asked.gap if isinstance(asked, Generate) else None
+def _failed(message: ClientMessage, reason: str, again: bool = False) -> bytes:
+    number = 0 if isinstance(message, Cancel) else message.id
+    gap = message.gap if isinstance(message, Generate) else None
     return messages.pack(Failed(type="failed", id=number, gap=gap, reason=reason, again=again), {})

@@ -1,8 +1,8 @@
-"""Who may speak to the studio: only pages that it served itself, and what browsers are told to hold them to.
+"""Accepts requests from the studio's own pages only, and sets security headers.
 
-A page of another site can send requests to the loopback, too, by its own address or by a name that it has pointed there
-(DNS rebinding). So every request must name the server by one of its own addresses, and one that comes from a page must
-come from the same address; the websocket and whatever is posted must come from a page.
+Pages of other sites can also send requests to the loopback, by its address or by a host name that resolves to it (DNS
+rebinding). Therefore the Host header must be one of the server's own, an Origin header must match it, and the websocket
+and POST requests must have an Origin.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from interpose.studio.protocol import Refusal
 
-_USUAL = 80
-"""The port that browsers do not name."""
-_NAMES = ("127.0.0.1", "localhost", "[::1]")
+_HTTP_PORT = 80
+"""The port that browsers leave out of Host."""
+_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
 def allowed_hosts(port: int) -> tuple[str, ...]:
-    """What a request may call the server."""
-    return tuple(name if port == _USUAL else f"{name}:{port}" for name in _NAMES)
+    """The Host headers that are accepted."""
+    return tuple(name if port == _HTTP_PORT else f"{name}:{port}" for name in _HOST_NAMES)
 
 
-class Guard:
-    """ASGI middleware: refuses strangers with a status of 403, and adds the security headers to every answer."""
+class OriginCheck:
+    """ASGI middleware: refuses foreign requests with status 403, and adds the security headers to every response."""
 
     def __init__(self, app: ASGIApp, hosts: Iterable[str]) -> None:
         self._app = app
@@ -37,38 +37,38 @@ class Guard:
             await self._app(scope, receive, send)
             return
 
-        async def guarded(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message = _with(message, self._headers, scope["path"])
             await send(message)
 
-        reason = stranger(scope, self._hosts)
+        reason = refusal(scope, self._hosts)
         if reason is None:
-            await self._app(scope, receive, guarded)
+            await self._app(scope, receive, send_with_headers)
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008, "reason": reason})
         else:
             body = Refusal(reason=reason).model_dump_json().encode()
             kind = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
-            await guarded({"type": "http.response.start", "status": 403, "headers": kind})
-            await guarded({"type": "http.response.body", "body": body})
+            await send_with_headers({"type": "http.response.start", "status": 403, "headers": kind})
+            await send_with_headers({"type": "http.response.body", "body": body})
 
 
-def stranger(scope: MutableMapping[str, Any], hosts: tuple[str, ...]) -> str | None:
-    """Why a request is refused, in one sentence; None where it is welcome."""
+def refusal(scope: MutableMapping[str, Any], hosts: tuple[str, ...]) -> str | None:
+    """Why a request is refused, in one sentence; None if it is accepted."""
     given = [value for name, value in scope["headers"] if name == b"host"]
     host = given[0].decode("latin-1").lower() if len(given) == 1 else ""
     if host not in hosts:
-        return f"this server answers to {', '.join(hosts)} only; open the address that it printed"
+        return f"this server accepts requests to {', '.join(hosts)} only; open the address that it printed"
     origins = [value.decode("latin-1").lower() for name, value in scope["headers"] if name == b"origin"]
     needed = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
     if (origins or needed) and origins != [f"http://{host}"]:
-        return f"this can only be asked from the studio's own page, http://{host}"
+        return f"this request is only accepted from the studio's own page, http://{host}"
     return None
 
 
 def headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
-    """What browsers are told to hold the pages to."""
+    """The security headers of every response."""
     sockets = " ".join(f"ws://{host}" for host in hosts if not host.startswith("["))
     policy = {
         "default-src": "'self'",
@@ -83,7 +83,7 @@ def headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
         "form-action": "'none'",
         "frame-ancestors": "'none'",
     }
-    told = {
+    values = {
         "content-security-policy": "; ".join(f"{what} {where}" for what, where in policy.items()),
         "x-content-type-options": "nosniff",
         "referrer-policy": "no-referrer",
@@ -91,7 +91,7 @@ def headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
         "cross-origin-opener-policy": "same-origin",
         "cross-origin-resource-policy": "same-origin",
     }
-    return [(name.encode(), value.encode()) for name, value in told.items()]
+    return [(name.encode(), value.encode()) for name, value in values.items()]
 
 
 def _with(message: Message, headers: list[tuple[bytes, bytes]], path: str) -> Message:

@@ -1,4 +1,4 @@
-"""Starts the studio's server on the loopback, and a browser on it; runs until it is interrupted."""
+"""Starts the studio's server on the loopback and opens a browser; runs until interrupted."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from interpose.studio.app import create_app
 from interpose.studio.protocol import LARGEST_MESSAGE, Opened
 
 PORT = 8360
-TRIED = 20
-"""Ports from :data:`PORT` on that are tried before any that is free."""
+PORTS_TRIED = 20
+"""Number of ports from :data:`PORT` on to try before taking any free one."""
 _LOOPBACK = "127.0.0.1"
 
 
 def serve(opened: Opened, front: Path | None, port: int | None, browse: bool) -> int:
-    """Serves until it is interrupted; the exit status. Raises InputError where the port cannot be had."""
+    """Serves until interrupted and returns the exit status. Raises InputError if the port is not available."""
     listening = listen(port)
     number = listening.getsockname()[1]
     sessions = methods.load()
     app = create_app(number, sessions, front=front, opened=opened)
     address = f"http://{_LOOPBACK}:{number}"
-    print(f"The studio is at {address} (Ctrl+C stops it).", file=sys.stderr, flush=True)
+    print(f"The studio is running at {address} (press Ctrl+C to stop it).", file=sys.stderr, flush=True)
     threading.Thread(target=_warm, args=(sessions,), daemon=True).start()
     if browse:
         threading.Thread(target=_browse, args=(address,), daemon=True).start()
@@ -39,7 +39,7 @@ def serve(opened: Opened, front: Path | None, port: int | None, browse: bool) ->
         log_level="error",
         access_log=False,
         server_header=False,
-        ws_max_size=2 * LARGEST_MESSAGE,  # what is larger than one is refused in words
+        ws_max_size=2 * LARGEST_MESSAGE,  # messages between one and two limits get a readable refusal
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=2,
     )
@@ -49,9 +49,9 @@ def serve(opened: Opened, front: Path | None, port: int | None, browse: bool) ->
 
 
 def listen(port: int | None) -> socket.socket:
-    """A socket on that port of the loopback, or on the first that is free from :data:`PORT` on.
+    """A socket on that port of the loopback, or on the first free one from :data:`PORT` on.
 
-    Raises InputError where a port that was asked for cannot be had.
+    Raises InputError if the given port is not available.
     """
     if port is not None:
         if not 0 <= port <= 65535:
@@ -60,13 +60,13 @@ def listen(port: int | None) -> socket.socket:
             return _listening(port)
         except OSError as error:
             why = (error.strerror or str(error)).lower()
-            raise InputError(f"port {port} cannot be had ({why}); leave out --port, or choose another") from None
-    for one in (*range(PORT, PORT + TRIED), 0):
+            raise InputError(f"port {port} is not available ({why}); leave out --port, or choose another") from None
+    for one in (*range(PORT, PORT + PORTS_TRIED), 0):
         try:
             return _listening(one)
         except OSError:
             continue
-    raise InputError("no port of this machine is free; close a program that listens on one")
+    raise InputError("no free port on this machine; close a program that uses one")
 
 
 def _listening(port: int) -> socket.socket:
@@ -90,10 +90,10 @@ def _warm(sessions: methods.Sessions) -> None:
 
 
 def _browse(address: str) -> None:
-    """Opens a browser where there is a screen; the address is printed in any case."""
+    """Opens a browser if there is a display. The address is printed in any case."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return
     try:
         webbrowser.open(address)
-    except Exception:  # whatever goes wrong in a browser, the address has been printed
+    except Exception:  # the address has been printed already
         return

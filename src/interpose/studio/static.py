@@ -1,4 +1,4 @@
-"""The built front end's files, and nothing else."""
+"""Serves the files of the built front end, and nothing else."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
-KINDS = {
+MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -26,13 +26,13 @@ KINDS = {
 }
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
 _HASHED = re.compile(r"assets/.*-[A-Za-z0-9_-]{8}\.\w+")
-"""What Vite names after its contents."""
+"""Files that Vite names after their contents."""
 
 
-def found(folder: Path | None, path: str) -> Response:
-    """The file at a path of the address, the page itself where that is empty. Raises HTTPException where none is."""
+def serve_file(folder: Path | None, path: str) -> Response:
+    """The file at a URL path, index.html if it is empty. Raises HTTPException if there is none."""
     if folder is None:
-        raise HTTPException(503, "this studio was started without its front end; start it by 'interpose studio'")
+        raise HTTPException(503, "the studio was started without its front end; start it with 'interpose studio'")
     path = path or "index.html"
     file = folder
     try:
@@ -44,7 +44,7 @@ def found(folder: Path | None, path: str) -> Response:
         data = file.read_bytes() if regular else b""
     except OSError:
         regular, data = False, b""
-    if not regular or file.suffix not in KINDS:
+    if not regular or file.suffix not in MEDIA_TYPES:
         raise HTTPException(404)
     keep = "public, max-age=31536000, immutable" if _HASHED.fullmatch(path) else "no-cache"
-    return Response(data, media_type=KINDS[file.suffix], headers={"cache-control": keep})
+    return Response(data, media_type=MEDIA_TYPES[file.suffix], headers={"cache-control": keep})

@@ -1,4 +1,4 @@
-"""What pydantic found wrong, as one sentence that begins with the place: ``keys[3].frame is missing``."""
+"""Validation errors of pydantic as one sentence that begins with the place: ``keys[3].frame is missing``."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-_TAGS = {"generate", "cancel", "suggest", "paths", "mirror", "library", "auto", "line", "straight", "none"}
-"""Names that pydantic puts into a place for the kind of object that it took it for."""
+_TAGS = {"generate", "cancel", "suggest", "paths", "mirror", "library", "auto", "waypoints", "straight", "none"}
+"""Union tags, which pydantic puts into the location of an error."""
 
 
-def said(error: ValidationError) -> str:
-    """The first of the faults, the one deepest in the data where an object may be of several kinds."""
+def first_error(error: ValidationError) -> str:
+    """The first error; in a union of several types, the one deepest in the data."""
     found = error.errors(include_url=False, include_context=True)
-    return _sentence(max(found, key=lambda one: len(_place(one["loc"]))) if _alternatives(found) else found[0])
+    return _sentence(max(found, key=lambda one: len(_location(one["loc"]))) if _alternatives(found) else found[0])
 
 
 def _alternatives(found: Sequence[ErrorDetails]) -> bool:
-    """Whether the faults are those of the several kinds that one value may be of."""
+    """Whether the errors are those of the alternatives for one value."""
     return len(found) > 1 and all(one["loc"][:1] == found[0]["loc"][:1] for one in found)
 
 
 def _sentence(one: ErrorDetails) -> str:
-    place, kind, context = _spelled(_place(one["loc"])), one["type"], one.get("ctx", {})
+    place, kind, context = _path_text(_location(one["loc"])), one["type"], one.get("ctx", {})
     given = _shown(one["input"])
     match kind:
         case "json_invalid":
-            return f"it is no JSON ({context.get('error', 'cannot be read')})"
+            return f"it is not valid JSON ({context.get('error', 'unreadable')})"
         case "missing":
             return f"{place} is missing"
         case "extra_forbidden":
-            field = _spelled([*_place(one["loc"][:-1]), one["loc"][-1]])
-            return f"{field} is no field that is known; leave it out"
+            field = _path_text([*_location(one["loc"][:-1]), one["loc"][-1]])
+            return f"{field} is not a known field; remove it"
         case "union_tag_not_found" | "union_tag_invalid":
             tag = str(context.get("discriminator", "type")).strip("'")
             wanted = str(context.get("expected_tags", "")).replace("'", "")
@@ -47,16 +47,16 @@ def _sentence(one: ErrorDetails) -> str:
         case "less_than":
             return f"{place} is {given}; it must be less than {_number(context.get('lt'))}"
         case "too_long" | "string_too_long":
-            return f"{place} is too long; it may have {context.get('max_length')} entries or letters"
+            return f"{place} is too long; the limit is {context.get('max_length')} entries or characters"
         case "too_short" | "string_too_short":
-            return f"{place} is too short; it must have at least {context.get('min_length')} entries or letters"
+            return f"{place} is too short; it needs at least {context.get('min_length')} entries or characters"
         case "finite_number":
             return f"{place} is not finite; give a finite number"
     wanted = {
         "int_type": "a whole number",
         "int_from_float": "a whole number",
         "float_type": "a number",
-        "string_type": "a text",
+        "string_type": "a string",
         "bool_type": "true or false",
         "list_type": "a list",
         "tuple_type": "a list",
@@ -69,14 +69,14 @@ def _sentence(one: ErrorDetails) -> str:
     return f"{place}: {one['msg'][:1].lower()}{one['msg'][1:]}"
 
 
-def _place(parts: Sequence[int | str]) -> list[int | str]:
-    """Where it is in the data; kinds that pydantic tried are left out."""
+def _location(parts: Sequence[int | str]) -> list[int | str]:
+    """The place in the data, without union tags."""
     return [part for part in parts if isinstance(part, int) or (part not in _TAGS and part.isidentifier())]
 
 
-def _spelled(parts: Sequence[int | str]) -> str:
+def _path_text(parts: Sequence[int | str]) -> str:
     out = "".join(f"[{part}]" if isinstance(part, int) else f".{part[:60]}" for part in parts)
-    return out.removeprefix(".") or "the whole"
+    return out.removeprefix(".") or "the value"
 
 
 def _number(value: object) -> str:
@@ -84,7 +84,7 @@ def _number(value: object) -> str:
 
 
 def _shown(given: object) -> str:
-    """What was there, short enough for a sentence."""
+    """The value, short enough for a sentence."""
     if isinstance(given, dict):
         return "an object"
     if isinstance(given, list | tuple):

@@ -1,16 +1,16 @@
-/** The keyboard: which keys do what, in one list that the help shows, too. */
+/** Keyboard shortcuts, in one list that the help also shows. */
 
 import type { Studio } from "../studio.svelte";
 
 export interface Shortcut {
-  /** As `Mod+Shift+Z`: Mod is Ctrl, and Cmd on a Mac. Several for the same thing are parted by a space. */
+  /** As `Mod+Shift+Z`: Mod is Ctrl, and Cmd on a Mac. Alternatives are separated by a space. */
   readonly keys: string;
   readonly does: string;
   readonly group: "Play" | "Keys" | "Gaps" | "View and tools" | "File";
   run(context: Context): void;
 }
 
-/** What shortcuts act on beside the studio. */
+/** What shortcuts act on besides the studio. */
 export interface Context {
   readonly studio: Studio;
   open(): void;
@@ -21,27 +21,26 @@ export interface Context {
 }
 
 const onGap = (act: (studio: Studio, gap: string) => void) => ({ studio }: Context) => {
-  const gap = studio.selectedGap ?? studio.gapAt(studio.frame);
+  const gap = studio.selectedGap ?? studio.gapAt(studio.playback.frame);
   if (gap) act(studio, gap.id);
 };
 
 const step = (by: number) => ({ studio }: Context) => {
-  studio.playing = false;
-  studio.goTo(studio.frame + by);
+  studio.playback.pauseAt(studio.playback.frame + by);
 };
 
 export const SHORTCUTS: readonly Shortcut[] = [
-  { keys: "Space", does: "Play and pause", group: "Play", run: ({ studio }) => studio.togglePlaying() },
-  { keys: "ArrowLeft", does: "One frame back", group: "Play", run: step(-1) },
-  { keys: "ArrowRight", does: "One frame on", group: "Play", run: step(1) },
+  { keys: "Space", does: "Play or pause", group: "Play", run: ({ studio }) => studio.playback.toggle() },
+  { keys: "ArrowLeft", does: "Previous frame", group: "Play", run: step(-1) },
+  { keys: "ArrowRight", does: "Next frame", group: "Play", run: step(1) },
   { keys: "Shift+ArrowLeft", does: "Ten frames back", group: "Play", run: step(-10) },
-  { keys: "Shift+ArrowRight", does: "Ten frames on", group: "Play", run: step(10) },
-  { keys: "ArrowUp", does: "Previous key", group: "Play", run: ({ studio }) => studio.goToNeighbour(-1) },
-  { keys: "ArrowDown", does: "Next key", group: "Play", run: ({ studio }) => studio.goToNeighbour(1) },
-  { keys: "Home", does: "First key", group: "Play", run: ({ studio }) => studio.goTo(studio.document?.keys[0].frame ?? 0) },
-  { keys: "End", does: "Last key", group: "Play", run: ({ studio }) => studio.goTo(studio.document?.keys.at(-1)?.frame ?? 0) },
+  { keys: "Shift+ArrowRight", does: "Ten frames forward", group: "Play", run: step(10) },
+  { keys: "ArrowUp", does: "Previous key", group: "Play", run: ({ studio }) => studio.playback.goToNeighbour(-1) },
+  { keys: "ArrowDown", does: "Next key", group: "Play", run: ({ studio }) => studio.playback.goToNeighbour(1) },
+  { keys: "Home", does: "First key", group: "Play", run: ({ studio }) => studio.playback.goTo(studio.document?.keys[0].frame ?? 0) },
+  { keys: "End", does: "Last key", group: "Play", run: ({ studio }) => studio.playback.goTo(studio.document?.keys.at(-1)?.frame ?? 0) },
 
-  { keys: "K", does: "Add a key of this pose", group: "Keys", run: ({ studio }) => studio.addKeyHere() },
+  { keys: "K", does: "Add a key with this pose", group: "Keys", run: ({ studio }) => studio.addKeyHere() },
   { keys: "Delete Backspace", does: "Delete the selected keys", group: "Keys", run: ({ studio }) => studio.deleteSelected() },
   { keys: "Mod+C", does: "Copy keys", group: "Keys", run: ({ studio }) => studio.clipboard.copy() },
   { keys: "Mod+V", does: "Paste at the playhead", group: "Keys", run: ({ studio }) => studio.clipboard.paste() },
@@ -63,8 +62,8 @@ export const SHORTCUTS: readonly Shortcut[] = [
   },
 
   { keys: "G", does: "Select the gap here", group: "Gaps", run: onGap((studio, gap) => studio.selectGap(gap)) },
-  { keys: "N", does: "Other candidates", group: "Gaps", run: onGap((studio, gap) => studio.reroll(gap)) },
-  { keys: "L", does: "Lock and unlock", group: "Gaps", run: onGap((studio, gap) => studio.toggleLock(gap)) },
+  { keys: "N", does: "Reroll candidates", group: "Gaps", run: onGap((studio, gap) => studio.reroll(gap)) },
+  { keys: "L", does: "Lock or unlock", group: "Gaps", run: onGap((studio, gap) => studio.toggleLock(gap)) },
   ...[1, 2, 3, 4, 5, 6, 7, 8].map(
     (n): Shortcut => ({
       keys: `${n}`,
@@ -79,12 +78,12 @@ export const SHORTCUTS: readonly Shortcut[] = [
   { keys: "V", does: "Select", group: "View and tools", run: ({ studio }) => (studio.tool = "select") },
   { keys: "R", does: "Rotate joints", group: "View and tools", run: ({ studio }) => (studio.tool = "rotate") },
   { keys: "E", does: "Reach with hands and feet", group: "View and tools", run: ({ studio }) => (studio.tool = "reach") },
-  { keys: "W", does: "Move and turn the whole pose", group: "View and tools", run: ({ studio }) => (studio.tool = "place") },
+  { keys: "W", does: "Move and turn the pose", group: "View and tools", run: ({ studio }) => (studio.tool = "place") },
   { keys: "D", does: "Draw a path", group: "View and tools", run: ({ studio }) => (studio.tool = "draw") },
   { keys: "F", does: "Frame everything", group: "View and tools", run: ({ frameAll }) => frameAll() },
   {
     keys: "Escape",
-    does: "Select nothing",
+    does: "Deselect",
     group: "View and tools",
     run: ({ studio }) => {
       if (studio.tool === "select") studio.selection = { keys: [], gap: null };
@@ -92,7 +91,7 @@ export const SHORTCUTS: readonly Shortcut[] = [
       studio.joint = null;
     },
   },
-  { keys: "?", does: "This help", group: "View and tools", run: ({ help }) => help() },
+  { keys: "?", does: "Show this help", group: "View and tools", run: ({ help }) => help() },
 
   { keys: "Mod+Z", does: "Undo", group: "File", run: ({ studio }) => studio.undo() },
   { keys: "Mod+Shift+Z Mod+Y", does: "Redo", group: "File", run: ({ studio }) => studio.redo() },
@@ -109,7 +108,7 @@ export interface Pressed {
   readonly altKey: boolean;
 }
 
-/** The shortcut that a key press asks for, or null. */
+/** The shortcut for a key press, or null. */
 export function shortcutOf(pressed: Pressed): Shortcut | null {
   return SHORTCUTS.find(({ keys }) => keys.split(" ").some((each) => matches(each, pressed))) ?? null;
 }
@@ -118,12 +117,12 @@ function matches(combination: string, pressed: Pressed): boolean {
   const parts = combination.split("+");
   const key = parts.at(-1) as string;
   if (pressed.altKey || parts.includes("Mod") !== (pressed.ctrlKey || pressed.metaKey)) return false;
-  const said = pressed.key === " " ? "Space" : pressed.key;
-  if (key === "?") return said === "?";
-  return said.toLowerCase() === key.toLowerCase() && parts.includes("Shift") === pressed.shiftKey;
+  const name = pressed.key === " " ? "Space" : pressed.key;
+  if (key === "?") return name === "?";
+  return name.toLowerCase() === key.toLowerCase() && parts.includes("Shift") === pressed.shiftKey;
 }
 
-/** Whether what has the focus needs the keys itself. */
+/** Whether the focused element handles this key itself. */
 export function isTyping(target: EventTarget | null, pressed: Pressed): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (target.closest("dialog[open]")) return true;

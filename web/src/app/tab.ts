@@ -1,4 +1,4 @@
-/** A name for this tab that survives its reload. A duplicated tab, which begins with the same name, gets another one. */
+/** A name for this tab that survives a reload. A duplicated tab, which starts with the same name, gets a new one. */
 
 const ITEM = "interpose-tab";
 
@@ -11,7 +11,7 @@ export async function tabName(): Promise<string> {
   return name;
 }
 
-/** Holds the name as long as the page lives; false where another tab holds it. */
+/** Locks the name for the lifetime of the page; false if another tab holds it. */
 function hold(name: string): Promise<boolean> {
   if (!("locks" in navigator)) return Promise.resolve(true);
   return new Promise((answer) => {

@@ -1,19 +1,19 @@
-/** The project as it was last, kept in the browser (IndexedDB), so that a crash or a reload loses nothing. */
+/** Stores the current project in the browser (IndexedDB), so that a crash or a reload loses nothing. */
 
 import type { Project } from "../protocol";
 
 const NAME = "interpose-studio";
 const STORE = "projects";
-/** Projects of tabs that are gone are kept so long, and so many of them at most. */
+/** How long, and how many, projects of closed tabs are kept. */
 const DAYS = 30;
 const MOST = 8;
 
 export interface Saved {
-  /** The tab's, which survives a reload. */
+  /** The name of the tab. */
   readonly tab: string;
   readonly saved: number;
   readonly project: Project;
-  /** Whether there is something in it that was not written to a file. */
+  /** Whether it has changes that are not saved to a file. */
   readonly changed: boolean;
 }
 
@@ -27,7 +27,7 @@ export async function load(tab: string): Promise<Saved | null> {
   return ((await done(store.get(tab))) as Saved | undefined) ?? null;
 }
 
-/** What other tabs have left, the newest first; old ones are thrown away. */
+/** The projects of other tabs, newest first; old ones are deleted. */
 export async function others(tab: string): Promise<Saved[]> {
   const store = await open("readwrite");
   const all = (await done(store.getAll())) as Saved[];

@@ -1,14 +1,14 @@
-/** What can be done to a document: pure functions from one document to the next. What cannot be done changes nothing. */
+/** Edits of a document, as pure functions from one document to the next. An impossible edit returns the document unchanged. */
 
 import type { GapSettings } from "../protocol";
 import type { Pose, Rig } from "../rig";
 import { row } from "../rig";
 import type { Document, Key } from "./document";
-import { AS_IN_CLIP, ASKED_FOR, gapAtFrame, isAsInClip, keyAtFrame, newId } from "./document";
-import type { Source } from "../protocol";
+import { AS_IN_CLIP, DEFAULT_SETTINGS, gapAtFrame, isAsInClip, keyAtFrame, newId } from "./document";
+import type { SourceFile } from "../protocol";
 
-/** A clip that was just opened: its first and last frame are keys, and what lies between is the clip's own. */
-export function fromClip(source: Source, rig: Rig): Document {
+/** The document of a new clip: its first and last frame are keys, and the gap keeps the clip's frames. */
+export function fromClip(source: SourceFile, rig: Rig): Document {
   const last = rig.frameCount - 1;
   const keys = (last > 0 ? [0, last] : [0]).map((frame) => keyOfClip(rig, frame, frame, AS_IN_CLIP));
   return { name: source.name.replace(/\.bvh$/i, ""), source, rate: rig.rate, stride: rig.stride, keys };
@@ -18,14 +18,14 @@ function keyOfClip(rig: Rig, source: number, frame: number, after: GapSettings):
   return { id: newId(), frame, pose: row(rig.frames, rig.stride, source).slice(), source, after, kept: null };
 }
 
-/** A key at a frame. In a gap it takes over what is asked of it, and a locked gap is cut in two; outside, the new gap is
- * asked for anew. At a frame that has a key, that key's pose is replaced. */
+/** Adds a key at a frame. Both halves of a split gap keep its settings, and its frames if it is locked. A key that is
+ * already there gets the new pose. */
 export function addKey(document: Document, frame: number, pose: Pose, source: number | null): Document {
   if (!Number.isInteger(frame) || frame < 0) return document;
   const there = keyAtFrame(document, frame);
   if (there) return setPose(document, there.id, pose, source);
   const gap = gapAtFrame(document, frame);
-  const key: Key = { id: newId(), frame, pose: pose.slice(), source, after: ASKED_FOR, kept: null };
+  const key: Key = { id: newId(), frame, pose: pose.slice(), source, after: DEFAULT_SETTINGS, kept: null };
   if (!gap) return settled(document, [...document.keys, key]);
   const { left } = gap;
   const before = frame - left.frame - 1;
@@ -37,7 +37,7 @@ export function addKey(document: Document, frame: number, pose: Pose, source: nu
   return settled(document, [...document.keys.filter((other) => other !== left), ...halves]);
 }
 
-/** Without some keys; the gap before each reaches to the next one. One key at least stays. */
+/** Deletes keys. The gap before each then extends to the next key. At least one key stays. */
 export function deleteKeys(document: Document, ids: readonly string[]): Document {
   const keys = document.keys.filter((key) => !ids.includes(key.id));
   if (keys.length === 0) return document;
@@ -45,16 +45,16 @@ export function deleteKeys(document: Document, ids: readonly string[]): Document
   return settled(document, keys.map((key) => (gone(key) ? unlocked(key) : key)));
 }
 
-/** Some keys moved together by frames, as far as their neighbours and the beginning allow. */
+/** Moves keys together by some frames, as far as their neighbours and frame 0 allow. */
 export function moveKeys(document: Document, ids: readonly string[], by: number): Document {
   const room = roomToMove(document, ids);
-  const way = Math.max(room.least, Math.min(room.most, Math.round(by)));
-  if (way === 0) return document;
-  const keys = document.keys.map((key) => (ids.includes(key.id) ? { ...key, frame: key.frame + way } : key));
+  const distance = Math.max(room.least, Math.min(room.most, Math.round(by)));
+  if (distance === 0) return document;
+  const keys = document.keys.map((key) => (ids.includes(key.id) ? { ...key, frame: key.frame + distance } : key));
   return settled(document, keys.map((key, i) => withLength(document, keys, key, i)));
 }
 
-/** How far some keys can be moved together, in frames. */
+/** How far keys can move together, in frames. */
 export function roomToMove(document: Document, ids: readonly string[]): { least: number; most: number } {
   let least = -Infinity;
   let most = Infinity;
@@ -69,7 +69,7 @@ export function roomToMove(document: Document, ids: readonly string[]): { least:
   return { least, most };
 }
 
-/** The gap after a key made to last so many frames; all later keys move along. */
+/** Sets the number of frames in the gap after a key; all later keys move along. */
 export function setFrames(
   document: Document,
   id: string,
@@ -89,7 +89,7 @@ export function setFrames(
   return settled(document, keys);
 }
 
-/** Another pose for a key. */
+/** Replaces the pose of a key. */
 export function setPose(document: Document, id: string, pose: Pose, source: number | null = null): Document {
   const index = document.keys.findIndex((key) => key.id === id);
   if (index < 0) return document;
@@ -99,7 +99,7 @@ export function setPose(document: Document, id: string, pose: Pose, source: numb
   return settled(document, keys);
 }
 
-/** Other settings for the gap after a key. Whatever they are but for which candidate shows, the best one shows again. */
+/** Changes the settings of the gap after a key. Unless the change is a choice of candidate, the best one is shown again. */
 export function setGap(document: Document, id: string, changes: Partial<GapSettings>): Document {
   const fresh = "chosen" in changes || "locked" in changes ? {} : { chosen: 0 };
   const keys = document.keys.map((key) => {
@@ -111,7 +111,7 @@ export function setGap(document: Document, id: string, changes: Partial<GapSetti
   return settled(document, keys);
 }
 
-/** Keeps what the gap after a key shows: `rows` are its frames. */
+/** Locks the gap after a key, with `rows` as its frames. */
 export function lockGap(document: Document, id: string, rows: Float32Array): Document {
   const keys = document.keys.map((key) =>
     key.id === id ? { ...key, after: { ...key.after, locked: true }, kept: rows.slice() } : key,
@@ -119,7 +119,7 @@ export function lockGap(document: Document, id: string, rows: Float32Array): Doc
   return { ...document, keys };
 }
 
-/** What copying holds: poses, how far apart they were, and what was asked between them. */
+/** Copied poses, their distances in frames, and the settings of their gaps. */
 export interface Copied {
   readonly stride: number;
   readonly keys: readonly { pose: Pose; source: number | null; offset: number; after: GapSettings }[];
@@ -139,7 +139,7 @@ export function copyKeys(document: Document, ids: readonly string[]): Copied {
   };
 }
 
-/** Copied keys from a frame on; those that are there already at such a frame get the copied pose. */
+/** Pastes copied keys, starting at a frame. Keys that are already there get the copied pose. */
 export function pasteKeys(document: Document, copied: Copied, frame: number): Document {
   if (copied.stride !== document.stride) return document;
   return copied.keys.reduce((made, { pose, source, offset, after }) => {
@@ -159,8 +159,8 @@ function unlocked(key: Key): Key {
   return key.after.locked || key.kept ? { ...key, after: { ...key.after, locked: false }, kept: null } : key;
 }
 
-/** A key whose gap may have changed its length: a locked one that did is free again, a chosen speed is none now, and a
- * path's times take the share of the whole that they had. */
+/** A key whose gap may have changed its length. If it did, the gap is unlocked, its speed is unset, and the times of its
+ * path are scaled. */
 function withLength(document: Document, keys: readonly Key[], key: Key, index: number): Key {
   const was = document.keys[index + 1]?.frame - document.keys[index].frame;
   const is = keys[index + 1]?.frame - key.frame;
@@ -168,11 +168,11 @@ function withLength(document: Document, keys: readonly Key[], key: Key, index: n
   const free = unlocked(key);
   const { path } = free.after;
   const paced =
-    path.kind === "line" && path.times ? { ...path, times: path.times.map((time) => (time * is) / was) } : path;
+    path.kind === "waypoints" && path.times ? { ...path, times: path.times.map((time) => (time * is) / was) } : path;
   return { ...free, after: { ...free.after, path: paced, speed: null } };
 }
 
-/** Keys in order, and no gap left as in the clip that cannot be. */
+/** Sorts the keys. Gaps that can no longer keep the clip's frames get the default method. */
 function settled(document: Document, keys: readonly Key[]): Document {
   const ordered = [...keys].sort((a, b) => a.frame - b.frame);
   return {
@@ -180,7 +180,7 @@ function settled(document: Document, keys: readonly Key[]): Document {
     keys: ordered.map((key, i) => {
       const next = ordered[i + 1];
       const lost = next !== undefined && key.after.method === "clip" && !isAsInClip(key, next);
-      return lost ? { ...key, after: { ...key.after, method: ASKED_FOR.method } } : key;
+      return lost ? { ...key, after: { ...key.after, method: DEFAULT_SETTINGS.method } } : key;
     }),
   };
 }

@@ -1,31 +1,31 @@
-/** The document: the source's rig, keys along time, and what is asked of the gap after each. Values only; never changed. */
+/** The document: keys in time, and the settings of the gap after each. Immutable. */
 
-import type { GapSettings, Source } from "../protocol";
+import type { GapSettings, SourceFile } from "../protocol";
 import type { Pose } from "../rig";
 
 export interface Key {
   readonly id: string;
   readonly frame: number;
   readonly pose: Pose;
-  /** The frame of the source that the pose is, unchanged; null once it was edited. */
+  /** The source frame that the pose was taken from; null once it is edited. */
   readonly source: number | null;
   /** The gap from this key to the next one. */
   readonly after: GapSettings;
-  /** The frames of a locked gap, as rows; they stay whatever is generated. */
+  /** The frames of a locked gap, as rows. */
   readonly kept: Float32Array | null;
 }
 
 export interface Document {
   readonly name: string;
-  readonly source: Source;
+  readonly source: SourceFile;
   readonly rate: number;
-  /** Floats of a pose of this rig. */
+  /** Number of floats of a pose. */
   readonly stride: number;
-  /** In order of time, at least one; no two at one frame. */
+  /** At least one, sorted by frame, no two at the same frame. */
   readonly keys: readonly Key[];
 }
 
-/** A gap, known by its left key. */
+/** A gap, identified by its left key. */
 export interface Gap {
   readonly id: string;
   readonly index: number;
@@ -36,7 +36,7 @@ export interface Gap {
   readonly settings: GapSettings;
 }
 
-export const ASKED_FOR: GapSettings = {
+export const DEFAULT_SETTINGS: GapSettings = {
   method: "dcmoe",
   style: null,
   blend: null,
@@ -48,16 +48,16 @@ export const ASKED_FOR: GapSettings = {
   locked: false,
 };
 
-export const AS_IN_CLIP: GapSettings = { ...ASKED_FOR, method: "clip" };
+export const AS_IN_CLIP: GapSettings = { ...DEFAULT_SETTINGS, method: "clip" };
 
-/** The longest gap that can be asked for (protocol.py, MOST_FRAMES). */
+/** The longest gap that can be requested (MOST_FRAMES in protocol.py). */
 export const LONGEST_GAP = 6000;
 
 export function newId(): string {
   return crypto.randomUUID().slice(0, 12);
 }
 
-/** Of each document once, for it never changes. */
+/** Built once per document, which never changes. */
 const known = new WeakMap<Document, { readonly gaps: readonly Gap[]; readonly byId: ReadonlyMap<string, Gap> }>();
 
 function indexOf(document: Document) {
@@ -73,17 +73,17 @@ function indexOf(document: Document) {
   return index;
 }
 
-/** All gaps in order; the same objects whenever the same document is asked. */
+/** All gaps in order; the same objects for the same document. */
 export function gapsOf(document: Document): readonly Gap[] {
   return indexOf(document).gaps;
 }
 
-/** The gap after the key `id`, or null where that is the last key or none. */
+/** The gap after the key `id`, or null if there is none. */
 export function gapOf(document: Document, id: string | null): Gap | null {
   return indexOf(document).byId.get(id ?? "") ?? null;
 }
 
-/** The gap that holds a frame strictly between its keys, or that begins there; null outside. */
+/** The gap that contains a frame, its left key included; null outside. */
 export function gapAtFrame(document: Document, frame: number): Gap | null {
   const index = document.keys.findLastIndex((key) => key.frame <= frame);
   return gapsOf(document)[index] ?? null;
@@ -105,7 +105,7 @@ export function lastFrame(document: Document): number {
   return document.keys[document.keys.length - 1].frame;
 }
 
-/** Whether both keys of a gap are still frames of the source, as far apart as there: then it can be left as it was. */
+/** Whether both keys of a gap are source frames at the same distance as in the source, so that it can keep the clip's frames. */
 export function isAsInClip(left: Key, right: Key): boolean {
   return left.source !== null && right.source !== null && right.source - left.source === right.frame - left.frame;
 }

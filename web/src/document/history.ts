@@ -1,12 +1,12 @@
-/** Undo and redo without a limit: documents share what they have in common, so a history is a list of them. */
+/** Unlimited undo and redo. A history is a list of documents, which share their unchanged parts. */
 
 import type { Document } from "./document";
 
 interface Step {
   readonly document: Document;
-  /** What was done to come here, for people. */
+  /** The name of the edit, for the user. */
   readonly label: string;
-  /** Steps that follow one another with the same word are one, as while something is dragged. */
+  /** Consecutive steps with the same value are merged, as during a drag. */
   readonly merge: string | null;
 }
 
@@ -20,7 +20,7 @@ export function begin(document: Document, label: string): History {
   return { past: [], present: { document, label, merge: null }, future: [] };
 }
 
-/** The history after a change; the same one where nothing changed. */
+/** The history after a change; unchanged if the document is the same. */
 export function change(history: History, document: Document, label: string, merge: string | null = null): History {
   const { past, present } = history;
   if (document === present.document) return history;
@@ -29,7 +29,7 @@ export function change(history: History, document: Document, label: string, merg
   return { past: goesOn ? past : [...past, present], present: step, future: [] };
 }
 
-/** The last change is closed: a further one is a step of its own, whatever its word. */
+/** Ends merging: the next change is a step of its own. */
 export function seal(history: History): History {
   return history.present.merge === null ? history : { ...history, present: { ...history.present, merge: null } };
 }

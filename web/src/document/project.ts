@@ -1,11 +1,11 @@
-/** Documents to project files (`.interpose`, JSON as protocol.py has it) and back. */
+/** Converts documents to project files (`.interpose`, see protocol.py) and back. */
 
 import type { Project, ProjectKey } from "../protocol";
 import type { Rig } from "../rig";
 import { row } from "../rig";
 import type { Document, Key } from "./document";
 
-/** `motion` gives the frames that a gap shows, where there are any: they are kept, so that it opens as it was. */
+/** `motion` returns the frames that a gap shows, which are stored so that the project opens as it was. */
 export function toProject(document: Document, motion: (key: Key) => Float32Array | null): Project {
   return {
     format: 1,
@@ -25,7 +25,7 @@ export function toProject(document: Document, motion: (key: Key) => Float32Array
   };
 }
 
-/** The document of a project that the server has checked, and the frames that its gaps showed, by their left keys. */
+/** The document of a checked project, and the frames that its gaps showed, by their left keys. */
 export function fromProject(project: Project, rig: Rig): { document: Document; shown: Map<string, Float32Array> } {
   const shown = new Map<string, Float32Array>();
   const keys = project.keys.map((key): Key => {
@@ -54,6 +54,6 @@ export function encode(values: Float32Array): string {
 
 export function decode(text: string): Float32Array {
   const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  if (bytes.length % 4 !== 0) throw new Error(`${bytes.length} bytes are no 32-bit floats`);
+  if (bytes.length % 4 !== 0) throw new Error(`${bytes.length} bytes are not 32-bit floats`);
   return new Float32Array(bytes.buffer);
 }

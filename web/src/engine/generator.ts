@@ -1,18 +1,18 @@
 /**
- * What every gap shows, and asking for what it lacks.
+ * Holds the motion of every gap, and requests what is missing.
  *
- * A gap's candidates follow from its *want*: what is asked of it, its two keys, and the motion that is known before and
- * after them (so that motion runs through a key without a stop). A gap whose want has not changed is left alone; motion
- * before it that changed by next to nothing counts as unchanged, so that an edit does not ripple through a whole clip.
- * Earlier results are kept for some time, so that undo shows them at once.
+ * A gap's candidates depend on its *inputs*: its settings, its two keys, and the known motion before and after them (so
+ * that motion continues through a key without a stop). A gap is generated again only if its inputs change. Small changes
+ * of the motion before it are ignored, so that an edit does not ripple through a whole clip. Earlier results are kept for
+ * a while, so that undo shows them at once.
  */
 
 import type { Document, Gap } from "../document/document";
 import { gapOf, gapsOf, LONGEST_GAP } from "../document/document";
 import type { CandidateInfo, Candidates, Dropped, GapSettings, Generate } from "../protocol";
 import type { Pose, Rig } from "../rig";
-import type { Answer, Question } from "../server/connection";
-import type { Arrays } from "../wire";
+import type { Answer, Query } from "../server/connection";
+import type { Arrays } from "../server/messages";
 import { alike, between, stretched } from "./poses";
 
 export interface Candidate {
@@ -23,40 +23,40 @@ export interface Candidate {
 
 export interface Result {
   readonly candidates: readonly Candidate[];
-  /** Not all that was asked for: made while something was dragged, or read from a project file. */
+  /** Incomplete: generated live during a drag, or read from a project file. */
   readonly partial: boolean;
   readonly seconds: number;
 }
 
 export type GapState = "clip" | "locked" | "empty" | "ready" | "waiting" | "working" | "failed";
 
-interface Want {
+interface Inputs {
   readonly signature: string;
   readonly before: Float32Array;
   readonly after: Float32Array;
 }
 
 interface Entry {
-  want: Want | null;
+  inputs: Inputs | null;
   result: Result | null;
-  /** What is being asked for, and whether for one live candidate alone. */
-  asking: { want: Want; live: boolean } | null;
-  failure: { want: Want; reason: string } | null;
-  /** The rows last shown, stretched to a length, so that they are not made again for every picture. */
+  /** The request in progress. live: for one candidate, during a drag. */
+  asking: { inputs: Inputs; live: boolean } | null;
+  failure: { inputs: Inputs; reason: string } | null;
+  /** The rows last shown, stretched to a length; a cache. */
   fitted: { rows: Float32Array; count: number; made: Float32Array } | null;
 }
 
-export type Ask = (question: Question & { type: "generate" }, arrays: Arrays) => Promise<Answer<Candidates | Dropped>>;
+export type Ask = (query: Query & { type: "generate" }, arrays: Arrays) => Promise<Answer<Candidates | Dropped>>;
 
-/** Frames at 30 Hz that a model looks back (runtime/resampling.py, CONTEXT). */
+/** Context frames of a model at 30 Hz (CONTEXT in runtime/resampling.py). */
 const CONTEXT = 10;
 const MODEL_RATE = 30;
-/** Results of gaps as they were before, kept for undo. */
+/** Number of earlier results kept for undo. */
 const REMEMBERED = 200;
 
 export class Generator {
   private entries = new Map<string, Entry>();
-  private remembered = new Map<string, { want: Want; result: Result }>();
+  private remembered = new Map<string, { inputs: Inputs; result: Result }>();
   private signatures = new WeakMap<Gap, string>();
   private poseIds = new WeakMap<Pose, number>();
   private nextPose = 1;
@@ -65,11 +65,11 @@ export class Generator {
 
   constructor(
     private readonly ask: Ask,
-    /** Called after an answer changed anything here: what is shown, or a state. */
+    /** Called when an answer has changed the shown motion or a state. */
     private readonly changed: () => void,
   ) {}
 
-  /** Forgets everything, as when another file was opened. `shown`: what gaps showed when the project was saved. */
+  /** Starts over with another document. `shown`: the frames that gaps showed when the project was saved. */
   reset(document: Document, rig: Rig, shown: ReadonlyMap<string, Float32Array> = new Map()): void {
     this.entries.clear();
     this.remembered.clear();
@@ -79,52 +79,52 @@ export class Generator {
       const rows = shown.get(gap.id);
       if (!rows || rows.length !== gap.frames * rig.stride || !isGenerated(gap)) continue;
       const result = { candidates: [{ rows, info: null }], partial: true, seconds: 0 };
-      this.entries.set(gap.id, { ...this.entry(gap.id), want: this.want(gap), result });
+      this.entries.set(gap.id, { ...this.entry(gap.id), inputs: this.inputs(gap), result });
     }
   }
 
-  /** Looks at every gap and asks for what it lacks; while `live`, for one candidate, where something changed. */
+  /** Requests what each gap is missing; if `live`, one candidate for each changed gap. */
   sync(document: Document, rig: Rig, live = false): void {
     this.document = document;
     this.rig = rig;
-    let unsettled = false; // whether the motion that the next gap goes on from is still to come
+    let unsettled = false; // whether the motion before the next gap is not generated yet
     for (const gap of gapsOf(document)) {
       if (!isGenerated(gap)) {
         unsettled = false;
         continue;
       }
       const entry = this.entry(gap.id);
-      if (live && entry.result && entry.want?.signature === this.signature(gap)) continue;
-      const want = this.want(gap);
-      if (this.has(entry, want)) continue;
-      const before = this.remembered.get(want.signature);
-      if (before && same(before.want, want)) {
-        Object.assign(entry, { want: before.want, result: before.result, failure: null });
+      if (live && entry.result && entry.inputs?.signature === this.signature(gap)) continue;
+      const inputs = this.inputs(gap);
+      if (this.has(entry, inputs)) continue;
+      const before = this.remembered.get(inputs.signature);
+      if (before && same(before.inputs, inputs)) {
+        Object.assign(entry, { inputs: before.inputs, result: before.result, failure: null });
         continue;
       }
-      if (!unsettled || live) this.request(gap, want, live);
+      if (!unsettled || live) this.request(gap, inputs, live);
       unsettled = true;
     }
   }
 
-  /** Whether everything is shown as it was asked for, or is known to have failed. */
+  /** Whether every gap is generated, or has failed. */
   get settled(): boolean {
     const gaps = this.document ? gapsOf(this.document) : [];
     return gaps.every((gap) => !["waiting", "working"].includes(this.state(gap)));
   }
 
-  /** What has failed is tried again at the next `sync`, as after the connection came back. */
+  /** Failed gaps are requested again at the next `sync`, for example after reconnecting. */
   retry(): void {
     for (const entry of this.entries.values()) entry.failure = null;
   }
 
-  /** Makes a gap's candidates again, or those that a project file did not hold. */
+  /** Generates a gap's candidates again, or those that a project file did not contain. */
   refresh(id: string): void {
     const gap = this.gap(id);
     if (!gap || !isGenerated(gap)) return;
     const entry = this.entry(id);
     entry.failure = null;
-    this.request(gap, this.want(gap), false);
+    this.request(gap, this.inputs(gap), false);
   }
 
   state(gap: Gap): GapState {
@@ -133,9 +133,9 @@ export class Generator {
     if (gap.frames < 1) return "empty";
     const entry = this.entry(gap.id);
     if (entry.asking && !(entry.asking.live && entry.result)) return "working";
-    const want = entry.want;
+    const inputs = entry.inputs;
     if (entry.failure) return "failed";
-    if (want && entry.result && want.signature === this.signature(gap)) return "ready";
+    if (inputs && entry.result && inputs.signature === this.signature(gap)) return "ready";
     return "waiting";
   }
 
@@ -143,12 +143,12 @@ export class Generator {
     return this.entries.get(id)?.failure?.reason ?? null;
   }
 
-  /** What was made for a gap; it may be of an earlier want while a new one is being served. */
+  /** The result of a gap; it may be of earlier inputs while a request is in progress. */
   result(id: string): Result | null {
     return this.entries.get(id)?.result ?? null;
   }
 
-  /** The gap's frames as they are shown: generated, kept, the clip's own, or a straight blend until there is more. */
+  /** The gap's frames as shown: generated, locked, the clip's own, or interpolated until a result arrives. */
   rows(gap: Gap): Float32Array {
     const { rig } = this;
     const { stride } = this.document!;
@@ -170,32 +170,32 @@ export class Generator {
     return entry.fitted.made;
   }
 
-  /** Whether nothing has to be asked: what is shown is what is wanted, or that has failed before. What a project file
-   * held counts as whole until somebody asks for the other candidates. */
-  private has(entry: Entry, want: Want): boolean {
-    if (entry.failure && same(entry.failure.want, want)) return true;
-    if (!entry.result || !entry.want || !same(entry.want, want)) return false;
+  /** Whether nothing has to be requested: the result is up to date, or these inputs have failed before. A result from a
+   * project file counts as complete until the user asks for the other candidates. */
+  private has(entry: Entry, inputs: Inputs): boolean {
+    if (entry.failure && same(entry.failure.inputs, inputs)) return true;
+    if (!entry.result || !entry.inputs || !same(entry.inputs, inputs)) return false;
     return !entry.result.partial || entry.result.candidates[0].info === null;
   }
 
-  private request(gap: Gap, want: Want, live: boolean): void {
+  private request(gap: Gap, inputs: Inputs, live: boolean): void {
     const entry = this.entry(gap.id);
     if (gap.frames > LONGEST_GAP) {
       const reason = `the gap has ${gap.frames} frames, and ${LONGEST_GAP} are the most; set a key in between`;
-      entry.failure = { want, reason };
+      entry.failure = { inputs, reason };
       return;
     }
-    if (entry.asking?.live) return; // it comes soon; then the next sync asks for the newest, or for the whole
-    if (entry.asking && same(entry.asking.want, want)) return;
+    if (entry.asking?.live) return; // it arrives soon, and the next sync requests the rest
+    if (entry.asking && same(entry.asking.inputs, inputs)) return;
     const { stride } = this.document!;
-    const asking = { want, live };
+    const asking = { inputs, live };
     entry.asking = asking;
     const { settings } = gap;
     const ends = {
-      start: { shape: [want.before.length / stride, stride], values: want.before },
-      target: { shape: [want.after.length / stride, stride], values: want.after },
+      start: { shape: [inputs.before.length / stride, stride], values: inputs.before },
+      target: { shape: [inputs.after.length / stride, stride], values: inputs.after },
     };
-    const question: Question & { type: "generate" } = {
+    const query: Query & { type: "generate" } = {
       type: "generate",
       gap: gap.id,
       rig: this.rig!.id,
@@ -208,19 +208,19 @@ export class Generator {
       seed: settings.seed,
       live,
     };
-    this.ask(question, ends)
+    this.ask(query, ends)
       .then(({ header, arrays }) => {
         if (header.type === "dropped") return;
         const size = gap.frames * stride;
         const all = arrays.frames.values;
         const candidates = header.infos.map((info, i) => ({ rows: all.slice(i * size, (i + 1) * size), info }));
         const result = { candidates, partial: live, seconds: header.seconds };
-        if (!live) this.remember(want, result);
-        if (entry.asking !== asking) return; // a newer one is on its way
-        Object.assign(entry, { want, result, failure: null });
+        if (!live) this.remember(inputs, result);
+        if (entry.asking !== asking) return; // a newer request is in progress
+        Object.assign(entry, { inputs, result, failure: null });
       })
       .catch((error: Error) => {
-        if (entry.asking === asking) entry.failure = { want, reason: error.message };
+        if (entry.asking === asking) entry.failure = { inputs, reason: error.message };
       })
       .finally(() => {
         if (entry.asking === asking) entry.asking = null;
@@ -228,13 +228,13 @@ export class Generator {
       });
   }
 
-  private remember(want: Want, result: Result): void {
-    this.remembered.delete(want.signature);
-    this.remembered.set(want.signature, { want, result });
+  private remember(inputs: Inputs, result: Result): void {
+    this.remembered.delete(inputs.signature);
+    this.remembered.set(inputs.signature, { inputs, result });
     if (this.remembered.size > REMEMBERED) this.remembered.delete(this.remembered.keys().next().value as string);
   }
 
-  private want(gap: Gap): Want {
+  private inputs(gap: Gap): Inputs {
     const { stride, keys } = this.document!;
     const reach = Math.ceil(((CONTEXT - 1) * this.rig!.rate) / MODEL_RATE) + 1;
     const earlier = keys[gap.index - 1] && this.gap(keys[gap.index - 1].id);
@@ -250,16 +250,16 @@ export class Generator {
     };
   }
 
-  /** All that a gap's candidates follow from but the motion before it, as one word. */
+  /** A gap's inputs, except the motion before it, as a string. */
   private signature(gap: Gap): string {
     let signature = this.signatures.get(gap);
     if (signature === undefined) {
-      const { chosen: _chosen, locked: _locked, speed: _speed, ...asked } = gap.settings satisfies GapSettings;
-      // Where the clip's own motion follows, the gap is made to run into it; what is locked after it followed it anyway.
+      const { chosen: _chosen, locked: _locked, speed: _speed, ...request } = gap.settings satisfies GapSettings;
+      // The clip's own motion after a gap is one of its inputs; a locked gap after it was generated from it.
       const later = this.gap(gap.right.id);
       const runsInto = later?.settings.method === "clip" ? later.left.source : null;
       const poses = [this.poseId(gap.left.pose), this.poseId(gap.right.pose)];
-      signature = JSON.stringify([asked, gap.frames, ...poses, runsInto]);
+      signature = JSON.stringify([request, gap.frames, ...poses, runsInto]);
       this.signatures.set(gap, signature);
     }
     return signature;
@@ -278,19 +278,19 @@ export class Generator {
   private entry(id: string): Entry {
     let entry = this.entries.get(id);
     if (!entry) {
-      entry = { want: null, result: null, asking: null, failure: null, fitted: null };
+      entry = { inputs: null, result: null, asking: null, failure: null, fitted: null };
       this.entries.set(id, entry);
     }
     return entry;
   }
 }
 
-/** Whether a gap shows what is made for it, rather than what is known. */
+/** Whether the frames of a gap are generated, neither locked nor the clip's own. */
 function isGenerated(gap: Gap): boolean {
   return gap.frames > 0 && gap.settings.method !== "clip" && !(gap.settings.locked && gap.left.kept !== null);
 }
 
-function same(a: Want, b: Want): boolean {
+function same(a: Inputs, b: Inputs): boolean {
   return a.signature === b.signature && alike(a.before, b.before);
 }
 

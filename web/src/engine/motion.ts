@@ -1,4 +1,4 @@
-/** The document's motion: the pose at a frame, and the rows of a stretch, from its keys and what its gaps show. */
+/** The motion of a document: the pose at a frame, and the rows of a range. */
 
 import type { Document, Gap } from "../document/document";
 import { firstFrame, gapAtFrame, gapsOf, keyAtFrame, lastFrame } from "../document/document";
@@ -24,7 +24,7 @@ export function poseBetween(document: Document, rowsOf: RowsOf, time: number, jo
   return time === low ? a : mix(a, poseAt(document, rowsOf, low + 1), time - low, joints);
 }
 
-/** The frame of the source's file that a frame of the document is, unchanged; null where it is none. */
+/** The source frame that a frame of the document shows unchanged, or null. */
 export function sourceAt(document: Document, frame: number): number | null {
   const key = keyAtFrame(document, frame);
   if (key) return key.source;
@@ -50,7 +50,7 @@ export function rowsBetween(document: Document, rowsOf: RowsOf, first: number, l
   return made;
 }
 
-/** A whole motion to be written: its rows, and which of them are the source's own. */
+/** The whole motion for export: its rows, and which of them are unchanged source frames. */
 export function wholeMotion(document: Document, rowsOf: RowsOf): { rows: Float32Array; own: [number, number][] } {
   const first = firstFrame(document);
   const last = lastFrame(document);

@@ -1,11 +1,11 @@
-/** Poses between poses, and rows of them: for what is not generated yet, and to compare what was. */
+/** Interpolates poses where nothing is generated yet, and compares motion. */
 
 import type { Pose } from "../rig";
 import { row } from "../rig";
 
 const ROTATIONS = 3;
 
-/** A pose between two: places linear, rotations by normalised linear interpolation along the nearer way. */
+/** A pose between two: linear for positions, normalised linear along the shorter arc for rotations. */
 export function mix(a: Pose, b: Pose, share: number, joints: number, into: Pose = new Float32Array(a.length)): Pose {
   for (let i = 0; i < a.length; i++) into[i] = a[i] + share * (b[i] - a[i]);
   for (let joint = 0; joint < joints; joint++) {
@@ -31,7 +31,7 @@ export function between(a: Pose, b: Pose, count: number, joints: number): Float3
   return rows;
 }
 
-/** The same motion in another number of frames. */
+/** The same motion resampled to another number of frames. */
 export function stretched(rows: Float32Array, stride: number, count: number, joints: number): Float32Array {
   const had = rows.length / stride;
   if (had === count || had === 0) return rows;
@@ -45,7 +45,7 @@ export function stretched(rows: Float32Array, stride: number, count: number, joi
   return made;
 }
 
-/** Whether two stretches of known motion lead on alike: within a centimetre and about a degree everywhere. */
+/** Whether two motions agree within a centimetre and about a degree everywhere. */
 export function alike(a: Float32Array, b: Float32Array): boolean {
   if (a === b) return true;
   if (a.length !== b.length) return false;

@@ -1,4 +1,4 @@
-/** Which joints of the feet stand, and which slide, in each frame of some rows. */
+/** Which foot joints stand and which slide in each frame. */
 
 import type { Rig } from "../rig";
 import { hangsOn, tracks, type Skeleton } from "./kinematics";
@@ -6,9 +6,9 @@ import { hangsOn, tracks, type Skeleton } from "./kinematics";
 export const AIR = 0;
 export const STANDS = 1;
 export const SLIDES = 2;
-export type Footing = typeof AIR | typeof STANDS | typeof SLIDES;
+export type ContactState = typeof AIR | typeof STANDS | typeof SLIDES;
 
-/** For a figure whose hips are a metre high; heights and speeds grow with the rig. */
+/** For a character whose hips are a metre high; heights and speeds grow with the rig. */
 const LOW = 0.025;
 const STILL = 0.15;
 const SLIDING = 0.2;
@@ -25,8 +25,8 @@ export interface Contacts {
   readonly feet: number;
 }
 
-/** How a foot joint stands that is `height` over its resting height and moves with `speed`. */
-export function footing(height: number, speed: number, size: number): Footing {
+/** The state of a foot joint at `height` above its resting height, moving with `speed`. */
+export function contactState(height: number, speed: number, size: number): ContactState {
   if (height > LOW * size) return AIR;
   if (speed < STILL * size) return STANDS;
   return speed > SLIDING * size && speed < SWINGING * size ? SLIDES : AIR;
@@ -53,10 +53,10 @@ export function contacts(rig: Feet, rows: Float32Array, first = 0, last = rows.l
     const after = Math.min(to - from - 1, here + 1);
     for (let foot = 0; foot < feet; foot++) {
       const [a, b] = [3 * (before * feet + foot), 3 * (after * feet + foot)];
-      const way = Math.hypot(wide[b] - wide[a], wide[b + 1] - wide[a + 1], wide[b + 2] - wide[a + 2]);
-      const speed = after > before ? (way * rig.rate) / (after - before) : 0;
+      const length = Math.hypot(wide[b] - wide[a], wide[b + 1] - wide[a + 1], wide[b + 2] - wide[a + 2]);
+      const speed = after > before ? (length * rig.rate) / (after - before) : 0;
       const height = wide[3 * (here * feet + foot) + 1] - rig.feet[foot].height;
-      states[frame * feet + foot] = footing(height, speed, rig.size);
+      states[frame * feet + foot] = contactState(height, speed, rig.size);
     }
   }
   const start = 3 * feet * (first - from);

@@ -19,31 +19,31 @@ export function curve(points: readonly Ground[], pieces = 16): Ground[] {
   return [...made, through[last]];
 }
 
-/** `count` points at even distances along a line, its ends among them. */
-export function evenly(line: readonly Ground[], count: number): Ground[] {
-  if (line.length < 2 || count < 2) return line.slice(0, count);
-  const lengths = runningLength(line);
+/** `count` points at equal distances along a polyline, including its ends. */
+export function evenly(points: readonly Ground[], count: number): Ground[] {
+  if (points.length < 2 || count < 2) return points.slice(0, count);
+  const lengths = runningLength(points);
   const total = lengths[lengths.length - 1];
   const made: Ground[] = [];
   let at = 0;
   for (let i = 0; i < count; i++) {
     const wanted = (total * i) / (count - 1);
-    while (at < line.length - 2 && lengths[at + 1] < wanted) at++;
+    while (at < points.length - 2 && lengths[at + 1] < wanted) at++;
     const long = lengths[at + 1] - lengths[at];
-    made.push(mixed(line[at], line[at + 1], long > TINY ? Math.min(1, (wanted - lengths[at]) / long) : 0));
+    made.push(mixed(points[at], points[at + 1], long > TINY ? Math.min(1, (wanted - lengths[at]) / long) : 0));
   }
   return made;
 }
 
-export function lengthOf(line: readonly Ground[]): number {
-  return line.length === 0 ? 0 : runningLength(line)[line.length - 1];
+export function lengthOf(points: readonly Ground[]): number {
+  return points.length === 0 ? 0 : runningLength(points)[points.length - 1];
 }
 
-/** Where a line comes nearest to a point: how near, after which of its points, and the place itself. */
-export function nearest(line: readonly Ground[], point: Ground): { distance: number; after: number; place: Ground } {
-  let best = { distance: line.length > 0 ? distance(line[0], point) : Infinity, after: 0, place: line[0] ?? point };
-  for (let i = 0; i + 1 < line.length; i++) {
-    const place = mixed(line[i], line[i + 1], shareAlong(line[i], line[i + 1], point));
+/** The place of a polyline nearest to a point: its distance, the index of the point before it, and the place. */
+export function nearest(points: readonly Ground[], point: Ground): { distance: number; after: number; place: Ground } {
+  let best = { distance: points.length > 0 ? distance(points[0], point) : Infinity, after: 0, place: points[0] ?? point };
+  for (let i = 0; i + 1 < points.length; i++) {
+    const place = mixed(points[i], points[i + 1], shareAlong(points[i], points[i + 1], point));
     const far = distance(place, point);
     if (far < best.distance) best = { distance: far, after: i, place };
   }
@@ -90,9 +90,9 @@ export function distance(a: Ground, b: Ground): number {
   return Math.hypot(a[0] - b[0], a[1] - b[1]);
 }
 
-function runningLength(line: readonly Ground[]): number[] {
+function runningLength(points: readonly Ground[]): number[] {
   let sum = 0;
-  return line.map((point, i) => (sum += i === 0 ? 0 : distance(point, line[i - 1])));
+  return points.map((point, i) => (sum += i === 0 ? 0 : distance(point, points[i - 1])));
 }
 
 function mixed(a: Ground, b: Ground, share: number): Ground {

@@ -79,7 +79,7 @@ export function reach(rig: Body, pose: Pose, limb: Limb, target: Triple, rotatio
   return turned(rig, pose, globals, limb, swing, bend, rotation);
 }
 
-/** A copy of the pose whose limb is turned about the line from its upper joint to its end, so that its middle looks at `toward`. */
+/** A copy of the pose whose limb is turned about the axis from its upper joint to its end, so that its middle points at `toward`. */
 export function turnMiddle(rig: Body, pose: Pose, limb: Limb, toward: Triple): Pose {
   const globals = forward(rig, pose);
   const upper = vector(globals, limb.upper);
@@ -140,7 +140,7 @@ function bendAxis(rig: Body, globals: Globals, limb: Limb, above: Vector3, below
   return axis.normalize();
 }
 
-/** Where the body looks, from how its hips lie. */
+/** The facing of the body, from its hips. */
 function facing(rig: Body, globals: Globals): Vector3 {
   const { LeftUpLeg, RightUpLeg } = rig.humanoid;
   if (LeftUpLeg === undefined || RightUpLeg === undefined) return new Vector3(0, 0, 1);

@@ -114,7 +114,7 @@ export function localRotation(
   ];
 }
 
-/** The joint that a figure is about: its hips, or else its root. Some files keep the root still and move the hips. */
+/** The joint that a character is about: its hips, or else its root. Some files keep the root still and move the hips. */
 export function hipsOf(rig: Pick<Rig, "humanoid">): number {
   return rig.humanoid.Hips ?? 0;
 }

@@ -1,27 +1,28 @@
-/** What the browser asks over HTTP: rigs, projects, exports. What is refused throws the server's sentence. */
+/** HTTP requests for rigs, projects and exports. A refusal throws an error with the server's reason. */
 
-import type { Export, Opened, Project, Refusal, Rig as ToldRig } from "../protocol";
+import type { Export, Opened, Project, Refusal, Rig as RigMessage } from "../protocol";
 import type { Rig } from "../rig";
 import { rigOf } from "../rig";
-import type { Arrays } from "../wire";
-import { pack, unpack } from "../wire";
+import type { Arrays } from "./messages";
+import { pack, unpack } from "./messages";
 import { Unanswered } from "./connection";
 
 export async function openRig(name: string, bytes: Blob | string): Promise<Rig> {
   const answer = await post(`/api/rigs?name=${encodeURIComponent(name)}`, bytes);
-  const { header, arrays } = unpack<ToldRig>(await answer.arrayBuffer());
+  const { header, arrays } = unpack<RigMessage>(await answer.arrayBuffer());
   return rigOf(header, arrays);
 }
 
 export async function opened(): Promise<Opened> {
-  return (await asked(fetch("/api/opened"))).json() as Promise<Opened>;
+  return (await request(fetch("/api/opened"))).json() as Promise<Opened>;
 }
 
 export async function sample(): Promise<Project> {
-  return (await asked(fetch("/api/sample"))).json() as Promise<Project>;
+  return (await request(fetch("/api/sample"))).json() as Promise<Project>;
 }
 
-export async function checkProject(text: string | Blob): Promise<Project> {
+export async function checkProject(project: Project | Blob): Promise<Project> {
+  const text = project instanceof Blob ? project : JSON.stringify(project);
   return (await post("/api/projects", text, "application/json")).json() as Promise<Project>;
 }
 
@@ -30,10 +31,10 @@ export async function exportFile(what: Omit<Export, "arrays">, arrays: Arrays): 
 }
 
 function post(url: string, body: BodyInit, type = "application/octet-stream"): Promise<Response> {
-  return asked(fetch(url, { method: "POST", body, headers: { "Content-Type": type } }));
+  return request(fetch(url, { method: "POST", body, headers: { "Content-Type": type } }));
 }
 
-async function asked(request: Promise<Response>): Promise<Response> {
+async function request(request: Promise<Response>): Promise<Response> {
   let answer: Response;
   try {
     answer = await request;

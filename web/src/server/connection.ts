@@ -1,17 +1,17 @@
-/** The websocket: questions and their answers, and a new connection when the old one is lost. */
+/** The websocket: sends queries, returns their answers, and reconnects when the connection is lost. */
 
-import type { Asked, Candidates, Dropped, Failed, LibraryPoses, Posed, Suggested, Told, Ways, Welcome } from "../protocol";
-import type { Arrays } from "../wire";
-import { pack, unpack } from "../wire";
+import type { ClientMessage, Candidates, Dropped, Failed, LibraryPoses, MirroredPose, SuggestedDurations, ServerMessage, GalleryPaths, Welcome } from "../protocol";
+import type { Arrays } from "./messages";
+import { pack, unpack } from "./messages";
 
 type Unaddressed<T> = T extends unknown ? Omit<T, "id" | "arrays"> : never;
-export type Question = Unaddressed<Exclude<Asked, { type: "cancel" }>>;
+export type Query = Unaddressed<Exclude<ClientMessage, { type: "cancel" }>>;
 
 interface Answers {
   generate: Candidates | Dropped;
-  suggest: Suggested;
-  paths: Ways;
-  mirror: Posed;
+  suggest: SuggestedDurations;
+  paths: GalleryPaths;
+  mirror: MirroredPose;
   library: LibraryPoses;
 }
 
@@ -20,7 +20,7 @@ export interface Answer<T> {
   readonly arrays: Arrays;
 }
 
-/** Why a question has no answer. again: the server does not know the rig (any more). */
+/** Why a query has no answer. again: the server does not know the rig (any more). */
 export class Unanswered extends Error {
   constructor(
     reason: string,
@@ -33,7 +33,7 @@ export class Unanswered extends Error {
 export type State = "connecting" | "open" | "lost";
 
 interface Waiting {
-  resolve(answer: Answer<Told>): void;
+  resolve(answer: Answer<ServerMessage>): void;
   reject(error: Error): void;
 }
 
@@ -57,9 +57,9 @@ export class Connection {
     this.connect();
   }
 
-  ask<Q extends Question>(question: Q, arrays: Arrays = {}): Promise<Answer<Answers[Q["type"]]>> {
+  ask<Q extends Query>(query: Q, arrays: Arrays = {}): Promise<Answer<Answers[Q["type"]]>> {
     const id = this.next++;
-    const bytes = pack({ ...question, id }, arrays);
+    const bytes = pack({ ...query, id }, arrays);
     return new Promise((resolve, reject) => {
       this.waiting.set(id, { resolve: resolve as Waiting["resolve"], reject });
       this.send(bytes);
@@ -95,17 +95,17 @@ export class Connection {
     socket.onmessage = ({ data }) => this.receive(data as ArrayBuffer);
     socket.onclose = ({ reason }) => {
       if (socket !== this.socket) return;
-      const said = reason || "the connection to the studio's server was lost";
-      for (const { reject } of this.waiting.values()) reject(new Unanswered(said));
+      const why = reason || "the connection to the studio's server was lost";
+      for (const { reject } of this.waiting.values()) reject(new Unanswered(why));
       this.waiting.clear();
       this.unsent = [];
-      this.events.state("lost", said);
+      this.events.state("lost", why);
       this.timer = setTimeout(() => this.connect(), PATIENCE[Math.min(this.failures++, PATIENCE.length - 1)]);
     };
   }
 
   private receive(data: ArrayBuffer): void {
-    const { header, arrays } = unpack<Told>(data);
+    const { header, arrays } = unpack<ServerMessage>(data);
     if (header.type === "welcome") return this.events.welcome(header);
     const waiting = this.waiting.get(header.id);
     if (!waiting) return;

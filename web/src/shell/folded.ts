@@ -1,25 +1,25 @@
-/** Shortcuts by their groups; `1`, `2`, … that do the same with another number are one line, `1–8`. */
+/** Groups shortcuts, and folds `1`, `2`, … with the same action into one entry, `1–8`. */
 
-export interface Line {
+export interface ShortcutInfo {
   readonly keys: string;
   readonly does: string;
   readonly group: string;
 }
 
-export function folded(lines: readonly Line[]): Line[] {
-  const made: Line[] = [];
-  for (const line of lines) {
-    const digit = /^\d$/.test(line.keys);
-    const does = digit ? line.does.replace(/\s*\d+$/, "") : line.does;
+export function folded(shortcuts: readonly ShortcutInfo[]): ShortcutInfo[] {
+  const made: ShortcutInfo[] = [];
+  for (const shortcut of shortcuts) {
+    const digit = /^\d$/.test(shortcut.keys);
+    const does = digit ? shortcut.does.replace(/\s*\d+$/, "") : shortcut.does;
     const before = made.at(-1);
-    if (digit && before?.does === does) made[made.length - 1] = { ...before, keys: `${before.keys.split("–")[0]}–${line.keys}` };
-    else made.push({ ...line, does });
+    if (digit && before?.does === does) made[made.length - 1] = { ...before, keys: `${before.keys.split("–")[0]}–${shortcut.keys}` };
+    else made.push({ ...shortcut, does });
   }
   return made;
 }
 
-export function grouped(lines: readonly Line[]): [string, Line[]][] {
-  const groups = new Map<string, Line[]>();
-  for (const line of folded(lines)) groups.set(line.group, [...(groups.get(line.group) ?? []), line]);
+export function grouped(shortcuts: readonly ShortcutInfo[]): [string, ShortcutInfo[]][] {
+  const groups = new Map<string, ShortcutInfo[]>();
+  for (const shortcut of folded(shortcuts)) groups.set(shortcut.group, [...(groups.get(shortcut.group) ?? []), shortcut]);
   return [...groups];
 }

@@ -1,10 +1,10 @@
-/** What the mouse does on the timeline, for the help. */
+/** Mouse actions on the timeline, for the help. */
 export const MOUSE: readonly { does: string; how: string }[] = [
   { does: "Scrub", how: "drag the ruler or the playhead" },
   { does: "Move keys", how: "drag a diamond" },
-  { does: "Move later keys along", how: "Alt + drag a diamond" },
+  { does: "Move later keys too", how: "Alt + drag a diamond" },
   { does: "Add a key", how: "double click a gap" },
   { does: "Select several keys", how: "Ctrl or Shift + click, or drag" },
   { does: "Zoom and scroll", how: "Ctrl + wheel, wheel" },
-  { does: "All that can be done", how: "right click" },
+  { does: "Show commands", how: "right click" },
 ];

@@ -1,4 +1,4 @@
-/** The four steps of the tour, and where its card stands. */
+/** The four steps of the tour, and the placement of its card. */
 
 export interface Step {
   readonly target: "viewport" | "timeline" | "gap" | "export";
@@ -10,22 +10,22 @@ export const STEPS: readonly Step[] = [
   {
     target: "viewport",
     title: "Motion between key poses",
-    text: "You set a few poses; Interpose makes the motion between them and meets each one exactly. Space plays and pauses. Drag to look around.",
+    text: "Set a few key poses, and Interpose generates the motion between them, exact at each pose. Press Space to play; drag to look around.",
   },
   {
     target: "timeline",
-    title: "Time is yours to move",
-    text: "Each diamond is a key pose, each bar the motion between two. Drag a diamond, and both gaps beside it are made anew while you drag.",
+    title: "Keys on the timeline",
+    text: "Each diamond is a key pose, each bar the gap between two. Drag a diamond, and the gaps beside it are regenerated as you drag.",
   },
   {
     target: "gap",
-    title: "Say how it should move",
-    text: "Click a bar on the timeline, and its gap shows here: choose its style, its speed, its path on the ground, and the candidate that you like best.",
+    title: "Control the motion",
+    text: "Click a bar to select its gap. Then choose a style, a speed, a path on the ground, and the best of several candidates.",
   },
   {
     target: "export",
-    title: "Bring your own clip",
-    text: "Open a BVH of any humanoid, or drop it on the window. Export gives it back on your own skeleton, or as GLB with the figure.",
+    title: "Use your own clip",
+    text: "Open the BVH file of any humanoid, or drop it on the window. Export as BVH on your own skeleton, or as GLB with a mannequin.",
   },
 ];
 
@@ -40,7 +40,7 @@ interface Box extends Size {
 
 const AWAY = 16;
 
-/** Beside the target where there is room: below, left, above; else in its own corner. */
+/** Next to the target, where there is room: below, left or above; otherwise in its corner. */
 export function cardPlace(target: Box | null, card: Size, window: Size): { left: number; top: number } {
   const fit = (value: number, size: number, room: number) => Math.max(AWAY, Math.min(room - size - AWAY, value));
   if (!target) return { left: (window.width - card.width) / 2, top: (window.height - card.height) / 2 };

@@ -1,4 +1,4 @@
-/** How the timeline looks at the motion: its scale, how dragging behaves, and what is being dragged. */
+/** The state of the timeline: its scale, dragging options, and the current drag. */
 
 import { firstFrame, lastFrame } from "../document/document";
 import type { Studio } from "../studio.svelte";
@@ -17,13 +17,13 @@ export class TimelineView {
   snap = $state(true);
   /** Later keys move along with a dragged one. */
   ripple = $state(false);
-  /** Where a dragged key was drawn to. */
+  /** Where the dragged key has snapped. */
   guide = $state.raw<{ readonly frame: number; readonly why: string } | null>(null);
   /** Frames of the rectangle that selects. */
   box = $state.raw<{ readonly from: number; readonly to: number } | null>(null);
   dragging = $state(false);
   item = $state.raw<Item | null>(null);
-  /** Nothing was zoomed or scrolled by hand: all is kept in view. */
+  /** Whether the view keeps fitting everything, because the user has not zoomed or scrolled. */
   fits = $state(true);
 
   constructor(private readonly studio: Studio) {}
@@ -48,7 +48,7 @@ export class TimelineView {
     this.fits = true;
   }
 
-  zoom(factor: number, x = this.x(this.studio.time)): void {
+  zoom(factor: number, x = this.x(this.studio.playback.time)): void {
     const inside = x >= 0 && x <= this.width ? x : this.width / 2;
     this.scale = zoomed(this.scale, factor, inside, this.last, this.width);
     this.fits = false;
@@ -70,9 +70,9 @@ export class TimelineView {
     else if (x > this.width - EDGE_PX) this.scroll(Math.min(30, x - this.width + EDGE_PX));
   }
 
-  /** The playhead to where the pointer is; behind the last key, too, where the next one may go. */
+  /** Moves the playhead to the pointer, also beyond the last key. */
   scrub(x: number): void {
-    this.studio.playing = false;
-    this.studio.goTo(this.frame(x));
+    this.studio.playback.playing = false;
+    this.studio.playback.goTo(this.frame(x));
   }
 }

@@ -1,4 +1,4 @@
-/** What the viewport shows and what it tells: plain values, so that it knows nothing of the document or of Svelte. */
+/** What the viewport shows, and its events: plain values, independent of the document and of Svelte. */
 
 import type { Pose, Rig } from "../rig";
 
@@ -12,28 +12,28 @@ export interface Ghost {
   readonly selected: boolean;
 }
 
-/** One candidate of the gap that is looked at: its rows with both keys. */
+/** One candidate of the selected gap: its rows with both keys. */
 export interface CandidateView {
   readonly rows: Float32Array;
   readonly frames: number;
   readonly chosen: boolean;
 }
 
-/** A way on the ground that may be picked; x, z in metres. */
-export interface WayView {
+/** A trajectory of the gallery that can be picked; x, z in metres. */
+export interface GalleryPathView {
   readonly points: readonly (readonly [number, number])[];
   readonly chosen: boolean;
   readonly label: string;
 }
 
-/** A path by its control points: between the two keys' places, which are its fixed ends. */
-export interface LineView {
+/** A drawn path by its control points, between the places of the two keys. */
+export interface DrawnPathView {
   readonly from: readonly [number, number];
   readonly to: readonly [number, number];
   readonly points: readonly (readonly [number, number])[];
 }
 
-/** Everything that is shown. A field that did not change keeps its identity, and is not built anew. */
+/** Everything that is shown. Fields that keep their identity are not rebuilt. */
 export interface View {
   readonly rig: Rig | null;
   /** The pose at the playhead. */
@@ -46,11 +46,11 @@ export interface View {
   /** Frames since the candidates' gap began; all of them are shown at this frame. */
   readonly candidateFrame: number;
   readonly spread: "overlaid" | "side by side";
-  readonly ways: readonly WayView[];
-  readonly line: LineView | null;
-  /** Between which places the tool draw may make a line where there is none yet; else those of the candidates. */
-  readonly ends?: Pick<LineView, "from" | "to"> | null;
-  /** rotate, reach and place change `pose` by gizmos (only where `editable`); draw draws a line on the ground. */
+  readonly galleryPaths: readonly GalleryPathView[];
+  readonly drawnPath: DrawnPathView | null;
+  /** The ends for drawing a first path; those of the candidates if null. */
+  readonly ends?: Pick<DrawnPathView, "from" | "to"> | null;
+  /** rotate, reach and place change `pose` by gizmos (if `editable`); draw draws a path on the ground. */
   readonly tool: Tool;
   readonly editable: boolean;
   /** The joint that is turned by the tool rotate. */
@@ -62,22 +62,22 @@ export interface View {
     readonly others: boolean;
   };
   readonly theme: "light" | "dark";
-  /** The camera follows the figure's root on the ground. */
+  /** The camera follows the character's root on the ground. */
   readonly follow: boolean;
 }
 
 export interface Events {
   /** A ghost was clicked. */
   pickKey(key: string): void;
-  /** A candidate's figure or way was clicked. */
+  /** A candidate's character or root path was clicked. */
   pickCandidate(index: number): void;
-  pickWay(index: number): void;
+  pickPath(index: number): void;
   pickJoint(joint: number | null): void;
   /**
-   * `pose` as it is being changed by a gizmo or by inverse kinematics; begins once the pointer has moved. Escape during a
-   * drag ends it with the pose that it began with.
+   * `pose` as changed by a gizmo or by inverse kinematics, from the first movement of the pointer on. Escape during a drag
+   * ends it with the initial pose.
    */
   changePose(pose: Pose, phase: Phase): void;
-  /** The line's control points as they are dragged, added (double click) or removed (delete), or a new line drawn. */
-  changeLine(points: (readonly [number, number])[], phase: Phase): void;
+  /** The control points of the path were dragged, added (double click), removed (Delete), or drawn. */
+  changeDrawnPath(points: (readonly [number, number])[], phase: Phase): void;
 }

@@ -1,27 +1,27 @@
-/** The picture of the motion: told by `update` what to show, it tells by events what was done in it. */
+/** The 3-D view: shows what `update` receives, and reports edits by events. */
 
 import * as THREE from "three";
 import { groundOf } from "../pose/place";
 import { row, type Pose, type Rig } from "../rig";
-import { Body, bodyGeometry, paint, sortGhosts } from "./body";
-import { Candidates } from "./candidates";
-import { allPoints, bestSide, figurePoints } from "./contents";
-import { Figures } from "./figures";
-import { Footing } from "./footing";
-import { Ghosts } from "./ghosts";
-import { Labels } from "./labels";
-import { LineEditor, type Ends } from "./line";
-import { bodyMaterial, shadowMaterial } from "./materials";
-import { palettes, type Palette } from "./palette";
-import { hitBones, type Pointer, type Project } from "./pick";
-import { Placing } from "./placing";
-import { Pointing } from "./pointing";
-import { Reaching } from "./reaching";
-import { Rotating } from "./rotating";
-import { Stage } from "./stage";
-import { Trails } from "./trails";
+import { Body, bodyGeometry, paint, sortGhosts } from "./characters/body";
+import { Candidates } from "./characters/candidates";
+import { allPoints, bestSide, characterPoints } from "./scene/framing";
+import { CharacterPicking } from "./picking/characters";
+import { ContactMarks } from "./characters/contacts";
+import { Ghosts } from "./characters/ghosts";
+import { Labels } from "./scene/labels";
+import { DrawnPathEditor, type Ends } from "./paths/drawn-path";
+import { bodyMaterial, shadowMaterial } from "./scene/materials";
+import { palettes, type Palette } from "./scene/palette";
+import { hitBones, type Pointer, type Project } from "./picking/geometry";
+import { Placing } from "./handles/placing";
+import { Pointing } from "./picking/pointing";
+import { Reaching } from "./handles/reaching";
+import { Rotating } from "./handles/rotating";
+import { Stage } from "./scene/stage";
+import { Trails } from "./characters/trails";
 import type { Events, Phase, View } from "./types";
-import { Ways } from "./ways";
+import { GalleryPaths } from "./paths/gallery-paths";
 
 export class Viewport {
   private readonly stage: Stage;
@@ -29,11 +29,11 @@ export class Viewport {
   private readonly shadow = shadowMaterial();
   private readonly ghosts = new Ghosts();
   private readonly trails = new Trails();
-  private readonly footing = new Footing();
+  private readonly contacts = new ContactMarks();
   private readonly candidates = new Candidates();
   private readonly labels = new Labels();
-  private readonly ways: Ways;
-  private readonly line: LineEditor;
+  private readonly galleryPaths: GalleryPaths;
+  private readonly drawnPath: DrawnPathEditor;
   private readonly rotating: Rotating;
   private readonly reaching: Reaching;
   private readonly placing: Placing;
@@ -41,11 +41,11 @@ export class Viewport {
   private geometry: THREE.BufferGeometry | null = null;
   private body: Body | null = null;
   private view: View | null = null;
-  /** The pose as it is being dragged, and the one that the figure has. */
+  /** The pose during a drag, and the pose of the character. */
   private edited: Pose | null = null;
   private shown: Pose | null = null;
 
-  /** Throws an Error with a sentence for the user where the browser has no WebGL. */
+  /** Throws an Error with a message for the user if the browser has no WebGL. */
   constructor(
     canvas: HTMLCanvasElement,
     private readonly events: Events,
@@ -53,13 +53,13 @@ export class Viewport {
     const stage = (this.stage = new Stage(canvas));
     const project: Project = (point) => stage.project(point);
     const change = (pose: Pose, phase: Phase): void => this.change(pose, phase);
-    this.ways = new Ways(project, (index) => events.pickWay(index));
-    this.line = new LineEditor(project, (points, phase) => events.changeLine([...points], phase));
+    this.galleryPaths = new GalleryPaths(project, (index) => events.pickPath(index));
+    this.drawnPath = new DrawnPathEditor(project, (points, phase) => events.changeDrawnPath([...points], phase));
     this.rotating = new Rotating(stage.camera, project, (joint) => events.pickJoint(joint), change);
     this.reaching = new Reaching(stage.camera, project, change);
     this.placing = new Placing(change, (at) => this.touched(at));
     const look = (): void => this.look();
-    const figures = new Figures(
+    const characters = new CharacterPicking(
       this.ghosts,
       this.candidates,
       () => this.body,
@@ -68,9 +68,9 @@ export class Viewport {
       events,
       look,
     );
-    const layers = [this.rotating, this.reaching, this.line, this.placing, figures, this.ways];
+    const layers = [this.rotating, this.reaching, this.drawnPath, this.placing, characters, this.galleryPaths];
     this.pointing = new Pointing(stage, layers, () => this.missed());
-    for (const part of [this.footing, this.trails, this.ghosts, this.candidates, ...layers, this.labels]) {
+    for (const part of [this.contacts, this.trails, this.ghosts, this.candidates, ...layers, this.labels]) {
       if ("group" in part) stage.scene.add(part.group);
     }
     stage.before = () => this.before();
@@ -92,11 +92,11 @@ export class Viewport {
     this.ghosts.hide(this.shown, view.show.ghosts);
     this.trails.group.visible = view.show.trails;
     if (view.show.trails) this.trails.update(view.rig, view.motion, view.frame, palette);
-    this.footing.group.visible = view.show.contacts;
-    if (view.show.contacts) this.footing.update(view.rig, view.motion, view.frame, palette);
+    this.contacts.group.visible = view.show.contacts;
+    if (view.show.contacts) this.contacts.update(view.rig, view.motion, view.frame, palette);
     this.candidates.update(view, this.geometry, palette);
-    this.ways.update(view.ways, palette, view.rig?.size ?? 1);
-    this.line.update(view.line, this.ends(view), view.tool === "draw", palette, view.rig?.size ?? 1);
+    this.galleryPaths.update(view.galleryPaths, palette, view.rig?.size ?? 1);
+    this.drawnPath.update(view.drawnPath, this.ends(view), view.tool === "draw", palette, view.rig?.size ?? 1);
     this.tools();
     if (rigged && view.rig && view.pose) this.stage.frame(allPoints(view), bestSide(view.rig, view.pose));
     this.stage.draw();
@@ -112,9 +112,9 @@ export class Viewport {
     if (this.view) this.stage.frame(allPoints(this.view));
   }
 
-  /** Moves the camera to the figure. */
+  /** Moves the camera to the character. */
   focus(): void {
-    if (this.view) this.stage.frame(figurePoints(this.view));
+    if (this.view) this.stage.frame(characterPoints(this.view));
   }
 
   /** Where a point of the world is on the canvas, in CSS pixels. */
@@ -125,8 +125,8 @@ export class Viewport {
   dispose(): void {
     this.pointing.dispose();
     this.rig(null);
-    const parts = [this.ghosts, this.trails, this.footing, this.candidates, this.labels];
-    const tools = [this.ways, this.line, this.rotating, this.reaching, this.placing];
+    const parts = [this.ghosts, this.trails, this.contacts, this.candidates, this.labels];
+    const tools = [this.galleryPaths, this.drawnPath, this.rotating, this.reaching, this.placing];
     for (const part of [...parts, ...tools, this.material, this.shadow, this.stage]) part.dispose();
   }
 
@@ -152,7 +152,7 @@ export class Viewport {
     this.stage.scene.add(this.body.group);
   }
 
-  /** The figure takes the pose that is dragged, or else that of the view. */
+  /** The character takes the pose that is dragged, or else that of the view. */
   private pose(): void {
     const { body, view } = this;
     if (!body || !view) return;
@@ -178,7 +178,7 @@ export class Viewport {
     this.stage.draw();
   }
 
-  /** Gives each tool what it works on; those that are not in use get nothing. */
+  /** Updates the tools; inactive ones get null. */
   private tools(): void {
     const { view, palette } = this;
     if (!view) return;
@@ -189,7 +189,7 @@ export class Viewport {
     this.placing.update(view.tool === "place" ? usable : null, pose, palette);
   }
 
-  /** Between which places a line may be drawn where there is none yet. */
+  /** The ends for drawing a first path. */
   private ends(view: View): Ends | null {
     if (view.ends) return view.ends;
     const { rig } = view;
@@ -223,18 +223,18 @@ export class Viewport {
     const { width, height, ratio, camera } = this.stage;
     this.trails.screen(width, height, ratio);
     this.candidates.screen(width, height);
-    this.ways.screen(width, height);
-    this.line.screen(width, height, ratio);
+    this.galleryPaths.screen(width, height);
+    this.drawnPath.screen(width, height, ratio);
     this.reaching.screen(ratio);
     this.placing.screen(width, height);
     this.rotating.draw(height, width, ratio);
     sortGhosts(
-      [...this.ghosts.bodies, ...this.candidates.figures].map(({ figure }) => figure),
+      [...this.ghosts.bodies, ...this.candidates.characters].map(({ character }) => character),
       camera,
     );
     if (!view) return;
     const numbers = this.candidates.labels(view, view.pose ? this.body : null, palette);
-    const named = [this.ways, this.rotating, this.reaching, this.placing].flatMap((part) => part.labels());
+    const named = [this.galleryPaths, this.rotating, this.reaching, this.placing].flatMap((part) => part.labels());
     this.labels.set([...numbers, ...named], palette, ratio);
     this.labels.screen(height, camera);
   }

@@ -6,14 +6,14 @@ const press = (key: string, held: Partial<Pressed> = {}) =>
 
 describe("the keyboard", () => {
   it("does what the list says", () => {
-    expect(press(" ")).toBe("Play and pause");
-    expect(press("k")).toBe("Add a key of this pose");
-    expect(press("K")).toBe("Add a key of this pose");
+    expect(press(" ")).toBe("Play or pause");
+    expect(press("k")).toBe("Add a key with this pose");
+    expect(press("K")).toBe("Add a key with this pose");
     expect(press("Delete")).toBe(press("Backspace"));
-    expect(press("ArrowLeft")).toBe("One frame back");
+    expect(press("ArrowLeft")).toBe("Previous frame");
     expect(press("ArrowLeft", { shiftKey: true })).toBe("Ten frames back");
     expect(press("3")).toBe("Choose candidate 3");
-    expect(press("?", { shiftKey: true })).toBe("This help");
+    expect(press("?", { shiftKey: true })).toBe("Show this help");
   });
 
   it("tells undo from redo, on either system", () => {

@@ -34,7 +34,7 @@ describe("a clip that was opened", () => {
 });
 
 describe("keys", () => {
-  it("are added in order, with what was asked of the gap that they divide", () => {
+  it("are added in order, with what was request of the gap that they divide", () => {
     const made = commands.addKey(keyed([0, 90], { style: "Angry" }), 30, pose(5), null);
     expect(framesOf(made)).toEqual([0, 30, 90]);
     expect(made.keys[1].after.style).toBe("Angry");
@@ -92,7 +92,7 @@ describe("keys", () => {
     expect(commands.deleteKeys(document, ["k0", "k30", "k60"])).toBe(document);
   });
 
-  it("are copied and pasted with their distances and what is asked between them", () => {
+  it("are copied and pasted with their distances and what is request between them", () => {
     const document = keyed([10, 30, 60], { style: "Drunk" });
     const copied = commands.copyKeys(document, ["k10", "k30"]);
     const made = commands.pasteKeys(document, copied, 100);
@@ -120,7 +120,7 @@ describe("gaps", () => {
 
   it("that change their length keep the pace of a path from the gallery", () => {
     const points: [number, number][] = [[0, 0], [1, 0], [2, 0]];
-    const line = { kind: "line" as const, points, times: [0, 0.5, 1], facing: null, drawn: false };
+    const line = { kind: "waypoints" as const, points, times: [0, 0.5, 1], facing: null, drawn: false };
     const document = commands.setGap(keyed([0, 30, 60]), "k0", { path: line });
     for (const made of [commands.moveKeys(document, ["k30"], 15), commands.setFrames(document, "k0", 44)]) {
       expect(made.keys[0].after.path).toEqual({ ...line, times: [0, 0.75, 1.5] });

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { AIR, contacts, footGroups, footing, SLIDES, STANDS } from "../../src/pose/contacts";
+import { AIR, contacts, footGroups, contactState, SLIDES, STANDS } from "../../src/pose/contacts";
 import { humanoid, rest } from "./rigs";
 
 const rig = humanoid();
@@ -14,11 +14,11 @@ function rows(places: readonly [number, number][]): Float32Array {
 
 describe("contacts", () => {
   it("judge height and speed", () => {
-    expect(footing(0.01, 0.1, 1)).toBe(STANDS);
-    expect(footing(0.01, 0.5, 1)).toBe(SLIDES);
-    expect(footing(0.01, 2, 1)).toBe(AIR);
-    expect(footing(0.1, 0, 1)).toBe(AIR);
-    expect(footing(0.04, 0.2, 2)).toBe(STANDS);
+    expect(contactState(0.01, 0.1, 1)).toBe(STANDS);
+    expect(contactState(0.01, 0.5, 1)).toBe(SLIDES);
+    expect(contactState(0.01, 2, 1)).toBe(AIR);
+    expect(contactState(0.1, 0, 1)).toBe(AIR);
+    expect(contactState(0.04, 0.2, 2)).toBe(STANDS);
   });
 
   it("find feet that stand, slide, and swing", () => {
