@@ -54,6 +54,13 @@ def test_what_is_written_is_loaded(folder: Path) -> None:
         db.root[0] = 0.0
 
 
+def test_a_clip_without_a_label_has_no_style(tmp_path: Path) -> None:
+    clips = [(replace(info, style="" if info.name == "a" else info.style), count) for info, count in CLIPS]
+    db = database.write(tmp_path / "db", clips, ARRAYS, dataset="test", licence="none")
+    assert db.styles == ("walk",)
+    assert db.style_indices().tolist() == [0, -1, 0]
+
+
 def test_a_clip_is_a_motion_of_the_humanoid(folder: Path) -> None:
     motion = database.load(folder).clip(1)
     assert motion.skeleton == HUMANOID

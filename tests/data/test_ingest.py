@@ -18,9 +18,9 @@ from interpose.skeleton import HUMANOID
 from .conftest import BvhText
 
 
-def prepare(kind: str, source: Path | list[Path], out: Path, **options: object) -> ingest.Report:
+def prepare(dataset: str, source: Path | list[Path], out: Path, **options: object) -> ingest.Report:
     listed = source if isinstance(source, list) else [source]
-    return ingest.prepare(kind, listed, out, **{"workers": 1, "progress": False, **options})  # type: ignore[arg-type]
+    return ingest.prepare(dataset, listed, out, **{"workers": 1, "progress": False, **options})  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_a_folder_becomes_a_database(folder: Path, tmp_path: Path) -> None:
     report = prepare("bvh", folder, tmp_path / "db")
     db = database.load(tmp_path / "db")
     assert [clip.name for clip in db.clips] == ["still", "straight", "turning"]
-    assert [clip.style for clip in db.clips] == ["unlabelled", "slow", "slow"]
+    assert [clip.style for clip in db.clips] == ["", "slow", "slow"]
     assert (db.ranges[:, 1] - db.ranges[:, 0]).tolist() == [40, 60, 90]
     assert db.clips[0].source_frames == 40
     assert (report.read, db.skipped) == (3, ())

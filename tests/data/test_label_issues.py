@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from interpose.data import label_issues
-from interpose.data.label_issues import Judged
+from interpose.data.label_issues import JudgedWindows
 from interpose.errors import InputError
 
 
@@ -48,7 +48,7 @@ def judged_of(starts, issues, length=4):
     starts, issue = np.array(starts), np.zeros(len(starts), dtype=bool)
     issue[issues] = True
     zeros = np.zeros(len(starts), dtype=np.int64)
-    return Judged(length, starts, zeros, zeros + issue, issue, issue * 0.5)
+    return JudgedWindows(length, starts, zeros, zeros + issue, issue, issue * 0.5)
 
 
 def test_a_frame_is_dropped_where_most_windows_on_it_are_issues():
@@ -78,7 +78,7 @@ def test_what_is_kept_comes_back_and_only_for_the_same_contents(database, tmp_pa
     np.testing.assert_array_equal(label_issues.kept(data), mask)
     with pytest.raises(InputError, match="other contents"):
         label_issues.kept(replace(data, fingerprint="another"))
-    (tmp_path / label_issues.FILE).write_bytes(b"PK\x03\x04 cut short")
+    (tmp_path / label_issues.KEPT_LABELS_FILE).write_bytes(b"PK\x03\x04 cut short")
     with pytest.raises(InputError, match="run 'interpose labels' again"):
         label_issues.kept(data)
 
@@ -90,6 +90,6 @@ def test_the_report_tells_what_was_not_judged(database):
     assert "85.71% of 70 frames keep their label; the DC-MoE paper keeps 75.14% of LaFAN1" in text
     assert "| walk | 2 | 30 | 100% | 0% | 66.7% | run 10 |" in text
     assert "| run | 1 | 20 | 0% | - | 100.0% | - |" in text
-    assert "one recording alone shows it, and kept: run." in text
+    assert "there is only one recording: run." in text
     short = label_issues.report(data, replace(judged, length=11), label_issues.folds(data, 3), np.zeros(70, dtype=bool))
-    assert "shorter than a window, and kept: 7 clips" in short
+    assert "shorter than a window: 7 clips" in short

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interpose.data.local_phases import FREQUENCIES, local_phases
+from interpose.data.local_phases import PHASE_FREQUENCIES, local_phases
 
 RATE = 30.0
 
@@ -39,7 +39,7 @@ def test_a_foot_that_steps_turns_once_a_cycle_with_its_contact_on_top(period, do
 
 
 def test_the_amplitude_is_that_of_the_sinusoid():
-    hertz = FREQUENCIES[13]
+    hertz = PHASE_FREQUENCIES[13]
     wave = 0.5 + 0.3 * np.cos(2.0 * np.pi * hertz * np.arange(300) / RATE - 1.0)
     phases = local_phases(np.stack([wave, 0.0 * wave, 0.2 * wave, 0.0 * wave], axis=-1), RATE)[90:-90]
     time = np.arange(90, 210) / RATE

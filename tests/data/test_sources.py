@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import astuple
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,8 @@ def touch(folder: Path, *names: str) -> Path:
     return folder
 
 
-def labels(found: sources.Findings) -> dict[str, tuple[str, str, str]]:
-    return {clip.name: (clip.style, clip.content, clip.subject) for clip in found.clips}
+def labels(found: sources.SourceClips) -> dict[str, tuple[str, str, str]]:
+    return {clip.name: astuple(clip.labels) for clip in found.clips}
 
 
 LAFAN1 = ("walk1_subject1.bvh", "walk1_subject5.bvh", "fallAndGetUp2_subject3.bvh", "pushAndFall1_subject4.bvh")
@@ -40,7 +41,7 @@ def test_the_split_of_lafan1_is_by_the_fifth_subject(tmp_path: Path) -> None:
     assert list(labels(sources.find("lafan1", [tmp_path], "test"))) == ["walk1_subject5"]
     train = sources.find("lafan1", [tmp_path], "train")
     assert len(train.clips) == 3
-    assert all(clip.subject != "subject5" for clip in train.clips)
+    assert all(clip.labels.subject != "subject5" for clip in train.clips)
 
 
 def test_excerpts_join_the_takes_unless_the_whole_take_is_there(tmp_path: Path) -> None:
@@ -125,8 +126,8 @@ def test_clips_of_no_known_style_have_no_label(tmp_path: Path) -> None:
     assert {name: style for name, (style, _, _) in found.items()} == {"02_01": "", "05_02": "Dance", "07_01": ""}
 
 
-def labels_by_file(found: sources.Findings) -> dict[str, tuple[str, str]]:
-    return {clip.source.name: (clip.style, clip.subject) for clip in found.clips}
+def labels_by_file(found: sources.SourceClips) -> dict[str, tuple[str, str]]:
+    return {clip.source.name: (clip.labels.style, clip.labels.subject) for clip in found.clips}
 
 
 AMASS = (
@@ -188,25 +189,27 @@ def test_h36m_is_labelled_by_action_and_subject(tmp_path: Path) -> None:
 def test_the_split_of_h36m_is_by_subjects_9_and_11(tmp_path: Path) -> None:
     folder = touch(tmp_path, *H36M)
     tested = sources.find("h36m", [folder], "test")
-    assert sorted(clip.subject for clip in tested.clips) == ["S11", "S9"]
+    assert sorted(clip.labels.subject for clip in tested.clips) == ["S11", "S9"]
     trained = sources.find("h36m", [folder], "train")
-    assert sorted(clip.subject for clip in trained.clips) == ["S1", "S5"]
+    assert sorted(clip.labels.subject for clip in trained.clips) == ["S1", "S5"]
 
 
 def test_models_trained_on_research_data_say_so() -> None:
     licence = pytest.importorskip("interpose.export").licence
     for kind in ("lafan1", "bandai", "amass", "h36m"):
-        assert licence(sources.KINDS[kind].licence).startswith("non-commercial research only (trained on data under ")
+        assert licence(sources.DATASETS[kind].licence).startswith(
+            "non-commercial research only (trained on data under "
+        )
     for kind in ("100style", "o3de", "cmu"):
-        assert licence(sources.KINDS[kind].licence).startswith("MIT; trained on data under ")
+        assert licence(sources.DATASETS[kind].licence).startswith("MIT; trained on data under ")
 
 
 def test_any_folder_takes_its_styles_from_its_sub_folders(tmp_path: Path) -> None:
     touch(tmp_path, "a.bvh", "zombie/a.bvh", "zombie/b.BVH", ".hidden/c.bvh", "zombie/readme.txt")
     found = sources.find("bvh", [tmp_path])
-    assert labels(found) == {"a": ("unlabelled", "", ""), "b": ("zombie", "", ""), "zombie/a": ("zombie", "", "")}
+    assert labels(found) == {"a": ("", "", ""), "b": ("zombie", "", ""), "zombie/a": ("zombie", "", "")}
     single = sources.find("bvh", [tmp_path / "zombie" / "b.BVH"])
-    assert labels(single) == {"b": ("unlabelled", "", "")}
+    assert labels(single) == {"b": ("", "", "")}
 
 
 def test_names_are_unique_over_several_sources(tmp_path: Path) -> None:
@@ -227,8 +230,8 @@ def test_the_key_of_a_clip_follows_its_file_and_its_labels(tmp_path: Path) -> No
     [
         ("moves", "all", "unknown data set 'moves'"),
         ("lafan1", "validation", "unknown split"),
-        ("bvh", "test", "only lafan1 and h36m have a split into train and test, bvh has none"),
-        ("amass", "test", "only lafan1 and h36m"),
+        ("bvh", "test", "only lafan1 and h36m have a split into train and test; use all for bvh"),
+        ("amass", "test", "only lafan1 and h36m have"),
         ("amass", "all", r"holds no \.npz file"),
         ("h36m", "all", r"holds no \.txt file"),
         ("lafan1", "test", "no clip of lafan1 of split 'test'"),

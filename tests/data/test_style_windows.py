@@ -16,7 +16,7 @@ def motion() -> Motion:
 
 
 def seen(motion: Motion) -> np.ndarray:
-    return style_windows.seen(motion.root_positions, motion.local_rotations)
+    return style_windows.style_channels(motion.root_positions, motion.local_rotations)
 
 
 def test_place_and_direction_do_not_show(motion):
@@ -24,11 +24,11 @@ def test_place_and_direction_do_not_show(motion):
     local = motion.local_rotations.copy()
     local[:, 0] = rotation.multiply(turn, local[:, 0])
     moved = rotation.rotate(turn, motion.root_positions) + np.array([5.0, 0.0, -3.0])
-    np.testing.assert_allclose(style_windows.seen(moved, local), seen(motion), atol=1e-5)
+    np.testing.assert_allclose(style_windows.style_channels(moved, local), seen(motion), atol=1e-5)
 
 
 def test_height_and_speed_show(motion):
-    higher = style_windows.seen(motion.root_positions + np.array([0.0, 0.2, 0.0]), motion.local_rotations)
+    higher = style_windows.style_channels(motion.root_positions + np.array([0.0, 0.2, 0.0]), motion.local_rotations)
     np.testing.assert_allclose((higher - seen(motion))[:, 1:66:3], 0.2, atol=1e-5)
     hips = seen(motion)[:, 66:69]
     speed = np.linalg.norm(np.diff(motion.root_positions, axis=0), axis=-1) * 30.0
@@ -37,13 +37,15 @@ def test_height_and_speed_show(motion):
 
 
 def test_a_mirrored_motion_has_the_mirrored_channels(motion):
-    signs = np.array(style_windows.SIGNS, dtype=np.float32)
-    np.testing.assert_allclose(seen(mirror(motion)), seen(motion)[:, style_windows.MIRRORED] * signs, atol=1e-5)
-    assert style_windows.CHANNELS == len(signs) == 6 * len(HUMANOID)
+    signs = np.array(style_windows.MIRROR_SIGNS, dtype=np.float32)
+    np.testing.assert_allclose(
+        seen(mirror(motion)), seen(motion)[:, style_windows.MIRRORED_CHANNELS] * signs, atol=1e-5
+    )
+    assert style_windows.STYLE_CHANNELS == len(signs) == 6 * len(HUMANOID)
 
 
 def test_a_database_is_seen_clip_by_clip(database):
-    whole = style_windows.seen_of(database)
+    whole = style_windows.database_channels(database)
     start, stop = database.ranges[1].tolist()
     clip = database.clip(1)
     np.testing.assert_array_equal(whole[start:stop], seen(clip))
@@ -51,5 +53,5 @@ def test_a_database_is_seen_clip_by_clip(database):
 
 
 def test_windows_cover_every_frame_of_a_range_that_holds_one():
-    assert style_windows.starts([(0, 100), (100, 120), (120, 180)], 60, 12).tolist() == [0, 12, 24, 36, 40, 120]
-    assert style_windows.starts([(0, 59)], 60, 12).tolist() == []
+    assert style_windows.window_starts([(0, 100), (100, 120), (120, 180)], 60, 12).tolist() == [0, 12, 24, 36, 40, 120]
+    assert style_windows.window_starts([(0, 59)], 60, 12).tolist() == []

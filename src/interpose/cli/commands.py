@@ -7,11 +7,17 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.extras import literal_type_from_choices
 
+from interpose.data.sources import DATASETS
 from interpose.io.registry import WRITERS, listed, readable
 
 _SAID = ""
 """In place of tyro's "(default: None)", where the help text itself says what happens when the option is left out."""
+
+_DATASET_HELP = f"{', '.join(DATASETS)}; bvh is any folder of BVH files."
+_TEST_SUBJECTS = [f"{', '.join(d.test_subjects)} of {name}" for name, d in DATASETS.items() if d.test_subjects]
+_SPLIT_HELP = f"train leaves out the test subjects ({'; '.join(_TEST_SUBJECTS)}), test keeps only them."
 
 OutFile = Annotated[
     str,
@@ -233,23 +239,20 @@ def models(json: bool = False) -> int:
 
 def prepare(
     dataset: Annotated[
-        Positional[Literal["lafan1", "100style", "bandai", "o3de", "cmu", "amass", "h36m", "bvh"]],
-        arg(metavar="DATASET"),
+        Positional[str], arg(metavar="DATASET", constructor=literal_type_from_choices(DATASETS), help=_DATASET_HELP)
     ],
     source: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE", help_behavior_hint="(required)")],
     /,
     out: OutFolder,
-    split: Literal["all", "train", "test"] = "all",
+    split: Annotated[Literal["all", "train", "test"], arg(help=_SPLIT_HELP)] = "all",
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint=_SAID)] = None,
 ) -> int:
-    """Prepare a folder of motion capture for training: a database of the 22 joints at 30 Hz. Resumes where it stopped.
+    """Prepare motion capture for training: a database of the 22 joints at 30 Hz. Resumes where it stopped.
 
     Args:
-        dataset: lafan1, 100style, bandai, o3de, cmu, amass, h36m, or bvh for any folder of BVH files.
-        source: Folders or files.
-        out: The database's folder.
-        split: train leaves out the test subjects, 5 of lafan1, 9 and 11 of h36m; test takes only them.
-        workers: Processes at once; one a core where left out.
+        source: Folders, zip archives or files.
+        out: Folder of the database.
+        workers: Number of processes; one for each core by default.
     """
     from interpose.cli import training
 

@@ -34,7 +34,8 @@ def labels(data: str, out: str | None, noise: float, seed: int) -> int:
     folder = None if out is None else Path(out)
     text = module.distil(Path(data), folder, noise=noise, seed=seed, progress=_say)
     print(text, end="")
-    print(f"wrote {folder or Path(data) / 'labels'} and {module.label_issues.FILE} in {data}", file=sys.stderr)
+    kept = module.label_issues.KEPT_LABELS_FILE
+    print(f"wrote {folder or Path(data) / 'labels'} and {kept} in {data}", file=sys.stderr)
     return 0
 
 

@@ -1,15 +1,6 @@
-"""Which of the four foot joints rest on the ground in each frame, and how far feet slide.
+"""Contacts of the four foot joints with the ground, and foot slide.
 
-:func:`by_speed` is the rule of the LaFAN1 benchmark and of the RMIB family (docs/method.md, B1): a joint that moves by
-less than a squared 0.02 cm^2 a frame is in contact, at whatever height. :func:`detect` is the rule for training
-(docs/method.md, C2): slower than 0.15 m/s and within 3 cm of the joint's resting height, then the median of five
-frames. It is looser in speed, so that a foot that rolls stays down, and stricter in height, so that a foot held still
-in the air does not count.
-
-:func:`foot_slide` is v (2 - 2^(h/H)), H = 2.5 cm, of Zhang et al. 2018 (`Mode-Adaptive Neural Networks`), averaged as
-by RSMT (Tang et al. 2023): over the samples whose weight is above zero.
-
-Heights are above the floor at y = 0; what stands on a box is not in contact. All positions are metres, Y up.
+Positions are metres, Y up; the floor is at y = 0, so a foot on a box is not in contact.
 """
 
 from __future__ import annotations
@@ -30,18 +21,25 @@ REST_HEIGHTS = np.array([0.075, 0.015, 0.075, 0.015])
 """Height of each joint above the floor when the foot is flat on it, metres."""
 
 BENCHMARK_SPEED = float(np.sqrt(0.02) / 100.0 * 30.0)
-"""0.1414 cm a frame at 30 Hz, as m/s."""
+"""Metres a second: the benchmark's squared 0.02 cm^2 a frame at 30 Hz."""
 
 SLIDE_HEIGHT = 0.025
 """H of foot slide, metres: a toe higher than this is not in contact."""
 
-SPEED = 0.15
-CLEARANCE = 0.03
-MEDIAN_FRAMES = 5
+CONTACT_SPEED = 0.15
+"""Metres a second: looser than the benchmark's, so that a foot that rolls stays in contact."""
+
+CONTACT_CLEARANCE = 0.03
+"""Metres above the joint's resting height: a foot that is held still in the air is not in contact."""
+
+CONTACT_MEDIAN_FRAMES = 5
 
 
 def by_speed(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:
-    """The benchmark's contacts: speed to the next frame below 4.24 cm/s; the last frame repeats the one before it."""
+    """The LaFAN1 benchmark's contacts (Harvey et al. 2020): speed to the next frame below 4.24 cm/s, at any height.
+
+    The last frame repeats the one before it.
+    """
     if len(positions) == 1:
         return np.ones((1, len(JOINTS)), dtype=bool)
     step = np.linalg.norm(np.diff(positions[:, INDICES], axis=0), axis=-1) * rate
@@ -50,24 +48,28 @@ def by_speed(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarr
 
 
 def detect(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:
-    """Contacts for training, from global positions at ``rate`` Hz. A single frame is judged by its heights alone."""
+    """Contacts for training, from global positions at ``rate`` Hz: slow and low, then a median over five frames.
+
+    A single frame is judged by its heights alone.
+    """
     feet = positions[:, INDICES]
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * rate
-    down = (speed < SPEED) & (feet[..., 1] < REST_HEIGHTS + CLEARANCE)
-    return median_filter(down.astype(np.uint8), size=(MEDIAN_FRAMES, 1), mode="nearest").astype(bool)
+    down = (speed < CONTACT_SPEED) & (feet[..., 1] < REST_HEIGHTS + CONTACT_CLEARANCE)
+    return median_filter(down.astype(np.uint8), size=(CONTACT_MEDIAN_FRAMES, 1), mode="nearest").astype(bool)
 
 
 def slide_weight(height: Float[ndarray, "*batch"]) -> Float[ndarray, "*batch"]:
-    """``2 - 2^(h/H)`` with h kept in [0, H]: one at and below the floor, zero from H upwards. Metres."""
+    """``2 - 2^(h/H)`` with h clipped to [0, H] metres: one at and below the floor, zero from H upwards."""
     return np.asarray(2.0 - np.exp2(np.clip(height / SLIDE_HEIGHT, 0.0, 1.0)))
 
 
 def foot_slide(toes: Float[ndarray, "*batch frame toe 3"]) -> tuple[Float[ndarray, "*batch"], Int[ndarray, "*batch"]]:
-    """The toes' weighted travel in centimetres, and the samples in contact; their ratio is centimetres a frame.
+    """The toes' weighted travel in centimetres, and the number of samples in contact; their ratio is the foot slide.
 
-    ``toes``: global positions in metres over a floor at height 0. A sample is a toe in a frame after the first; it
-    moves by its 3-D displacement since the frame before, weighted by its height.
+    ``toes``: global positions in metres. A sample is a toe in a frame after the first; its travel is the 3-D
+    displacement since the frame before, weighted by height: v (2 - 2^(h/H)) of Zhang et al. 2018 (`Mode-Adaptive Neural
+    Networks`), averaged as in RSMT (Tang et al. 2023) over the samples of a weight above zero.
     """
     weight = slide_weight(toes[..., 1:, :, 1])
     travel = 100.0 * np.linalg.norm(np.diff(toes, axis=-3), axis=-1) * weight

@@ -1,14 +1,14 @@
-"""A database: prepared clips of the 22 joints at 30 Hz, as a folder of arrays that are mapped, not read, into memory.
+"""A database: prepared clips of the 22 joints at 30 Hz, as a folder of memory-mapped arrays.
 
     root_positions.npy   (frame, 3) float32      hips, metres
     local_rotations.npy  (frame, 22, 4) float32  q_parent_joint of HUMANOID, scalar last, signs continuous in a clip
     root.npy             (frame, 4) float32      x, z, facing x, facing z (interpose.data.root)
     contacts.npy         (frame, 4) uint8        LeftFoot, LeftToe, RightFoot, RightToe (interpose.data.contacts)
     ranges.npy           (clip, 2) int64         frames [start, stop) of each clip
-    meta.json            version, dataset, licence, rate, joints, styles, what was skipped, and one entry a clip
+    meta.json            version, dataset, licence, rate, joints, styles, skipped files, and an entry for each clip
 
-Clips follow one another without gaps. Nothing is mirrored on disk. `meta.json` is written last, so a folder that has
-it is whole.
+Clips follow one another without gaps. Mirror images are not stored. `meta.json` is written last: with it, a folder is
+complete.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
-VERSION = 1
+DATABASE_VERSION = 1
 RATE = 30.0
-META = "meta.json"
+META_FILE = "meta.json"
 _ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "root_positions": ((3,), np.float32),
     "local_rotations": ((len(HUMANOID), 4), np.float32),
@@ -40,17 +40,17 @@ _ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "contacts": ((4,), np.uint8),
     "ranges": ((2,), np.int64),
 }
-"""What each file holds: the shape of a row, and the type."""
+"""The shape of a row, and the type, of each array."""
 
 
 @dataclass(frozen=True)
 class ClipInfo:
     """What is known of a clip beside its frames.
 
-    name: unique in the database. file: where it was read from, relative to its source. style: the label, for training.
-    content: what is done in that style ('' where the source does not say). subject: the performer ('' where unknown).
-    source_rate, source_frames: of the file. cut: the frames [start, stop) of the file that were kept.
-    raised: metres added to all heights to bring the floor to y = 0.
+    name: unique in the database. file: the source file, relative to its source. style: the label for training.
+    content: the action. subject: the performer. Each of these three is '' where unknown. source_rate, source_frames: of
+    the file. cut: the frames [start, stop) of the file that were kept. raised: metres added to all heights to bring the
+    floor to y = 0.
     """
 
     name: str
@@ -66,7 +66,7 @@ class ClipInfo:
 
 @dataclass(frozen=True, eq=False)
 class ClipArrays:
-    """The frames of one clip, as they lie in a database."""
+    """The frames of one clip, as stored in a database."""
 
     root_positions: Float32[ndarray, "frame 3"]
     local_rotations: Float32[ndarray, "frame 22 4"]
@@ -108,13 +108,13 @@ class Database:
 
     @property
     def styles(self) -> tuple[str, ...]:
-        """The styles of the clips, sorted, each once."""
-        return tuple(sorted({clip.style for clip in self.clips}))
+        """The styles of the clips, sorted, without the '' of clips that have no label."""
+        return tuple(sorted({clip.style for clip in self.clips} - {""}))
 
     def style_indices(self) -> Int64[ndarray, "clip"]:
-        """For each clip, the index of its style in :attr:`styles`."""
+        """For each clip, the index of its style in :attr:`styles`; -1 where it has none."""
         index = {style: i for i, style in enumerate(self.styles)}
-        return np.array([index[clip.style] for clip in self.clips], dtype=np.int64)
+        return np.array([index.get(clip.style, -1) for clip in self.clips], dtype=np.int64)
 
     def clip(self, index: int) -> Motion:
         """One clip as a motion of the humanoid, in double precision."""
@@ -129,19 +129,19 @@ class Database:
 
 
 def load(path: Path | str) -> Database:
-    """The database in a folder; raises InputError where it is missing, unfinished, corrupt, or of another version."""
+    """The database in a folder; raises InputError where it is missing, incomplete, corrupt, or of another version."""
     path = Path(path)
     try:
-        meta = json.loads((path / META).read_text(encoding="utf-8"))
+        meta = json.loads((path / META_FILE).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(
-            f"{path} is not a finished database: it has no {META}; make one with 'interpose prepare'"
+            f"{path} is not a finished database: it has no {META_FILE}; make one with 'interpose prepare'"
         ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path / META} cannot be read ({error}); prepare the database again") from None
+        raise InputError(f"{path / META_FILE} cannot be read ({error}); prepare the database again") from None
     try:
-        if meta["version"] != VERSION:
-            raise InputError(f"{path} has version {meta['version']}, this program needs {VERSION}; prepare it again")
+        if meta["version"] != DATABASE_VERSION:
+            raise InputError(f"{path} has version {meta['version']}, not {DATABASE_VERSION}; prepare it again")
         if tuple(meta["joints"]) != HUMANOID.names or meta["rate"] != RATE:
             raise InputError(f"{path} does not hold the 22 joints at {RATE:g} Hz; prepare it again")
         clips = tuple(_clip_info(entry) for entry in meta["clips"])
@@ -151,7 +151,7 @@ def load(path: Path | str) -> Database:
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path / META} is not that of a database ({error!r}); prepare it again") from None
+        raise InputError(f"{path / META_FILE} is not that of a database ({error!r}); prepare it again") from None
     arrays = {name: _map(path / f"{name}.npy", *_ARRAYS[name]) for name in _ARRAYS}
     frames = len(arrays["root_positions"])
     ends = np.concatenate([[0], arrays["ranges"][:, 1]])
@@ -177,22 +177,22 @@ def write(
     made_from: str = "",
     skipped: Sequence[tuple[str, str]] = (),
 ) -> Database:
-    """Write a database of the given clips, each with its number of frames, and give it back loaded.
+    """Writes a database of the given clips, each with its number of frames, and returns it loaded.
 
-    ``arrays`` yields the frames of each clip in the same order and is consumed one clip at a time. A database that was
-    there stays whole until the new one is. The fingerprint covers the frames of each clip, its name and its labels, in
-    their order; not paths, times or source files. Raises InputError where the folder cannot be written.
+    ``arrays`` yields the frames of each clip in the same order and is consumed one clip at a time. An earlier database
+    in the folder stays intact until the new one is complete. The fingerprint covers each clip's name, labels and
+    frames, in their order, and nothing of the source files. Raises InputError where the folder cannot be written.
     """
     path = Path(path)
     stops = np.cumsum([frames for _, frames in clips], dtype=np.int64)
     ranges = np.stack([stops - [frames for _, frames in clips], stops], axis=-1)
     meta = {
-        "version": VERSION,
+        "version": DATABASE_VERSION,
         "dataset": dataset,
         "licence": licence,
         "rate": RATE,
         "joints": HUMANOID.names,
-        "styles": sorted({info.style for info, _ in clips}),
+        "styles": sorted({info.style for info, _ in clips} - {""}),
         "frames": int(stops[-1]),
         "made_from": made_from,
         "clips": [asdict(info) for info, _ in clips],
@@ -221,12 +221,12 @@ def write(
                     files[field.name].write(array.tobytes())
                     # Rounded to 0.1 mm, since the last bits of a float depend on the processor.
                     digest.update(np.rint(array * np.float64(1e4)).astype("<i4").tobytes())
-        (path / META).unlink(missing_ok=True)
+        (path / META_FILE).unlink(missing_ok=True)
         for name, file in temporary.items():
             os.replace(file, path / f"{name}.npy")
         meta["fingerprint"] = digest.hexdigest()
-        (path / f".{META}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
-        os.replace(path / f".{META}.new", path / META)
+        (path / f".{META_FILE}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
+        os.replace(path / f".{META_FILE}.new", path / META_FILE)
     except OSError as error:
         raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
     finally:

@@ -1,10 +1,7 @@
-"""`interpose prepare`: the files of a data set become a database of the 22 joints at 30 Hz.
+"""`interpose prepare`: turns the files of a data set into a database of the 22 joints at 30 Hz.
 
-Each clip is read, cut to its range, brought to 30 Hz, retargeted, put on the floor, and given its roots and
-contacts. Clips are prepared in parallel, one part file each in `OUT/.parts`; a part is named by a hash of
-everything that it was made from, so that a run which was stopped goes on where it was, and a changed file is
-prepared again. When all parts are there they are joined into the database and removed. A file that cannot be used
-is skipped and reported.
+Clips are prepared in parallel, each into a part file that is named by a hash of its source, its labels and the recipe;
+a run that was stopped resumes from the parts. A file that cannot be used is skipped and reported.
 """
 
 from __future__ import annotations
@@ -33,36 +30,37 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from interpose import motion as motions
 from interpose import retarget, rotation
 from interpose.data import contacts, database, root, sources
-from interpose.data.database import RATE, ClipArrays, ClipInfo, Database
-from interpose.data.sources import CUT_RATE, SourceClip
+from interpose.data.database import DATABASE_VERSION, RATE, ClipArrays, ClipInfo, Database
+from interpose.data.sources import FRAME_CUTS_RATE, SourceClip
 from interpose.errors import InputError
 from interpose.io import read
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 
-MIN_FRAMES = 2
+MIN_CLIP_FRAMES = 2
 FLOOR_TOLERANCE = 0.03
-"""Metres by which the floor of a clip may be off before it is corrected; planted feet of sound data vary by 2 cm."""
+"""Metres: a floor that is off by less is left alone, since planted feet of good data vary by 2 cm."""
 
-PARTS = ".parts"
-REPORT = "report.md"
-RECIPE = 1
-"""Part of every hash: to be raised when the same file would give other frames."""
+PARTS_FOLDER = ".parts"
+REPORT_FILE = "report.md"
+RECIPE_VERSION = 1
+"""Part of every hash; raise it when the same file gives other frames than before."""
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What a run made: ``read`` clips were prepared in it, the others had been before; it took ``seconds``."""
+    """The outcome of a run: it prepared ``read`` clips in ``seconds`` and took the others from an earlier run."""
 
     database: Database
     read: int
     seconds: float
 
     def markdown(self) -> str:
-        """Clips, frames and minutes of each style, and every file skipped, with its reason."""
+        """Clips, frames and minutes of each style, and every skipped file with the reason."""
         db = self.database
         lengths = db.ranges[:, 1] - db.ranges[:, 0]
-        rows = [(style, lengths[[clip.style == style for clip in db.clips]]) for style in db.styles]
+        styles = sorted({clip.style for clip in db.clips})
+        rows = [(style, lengths[[clip.style == style for clip in db.clips]]) for style in styles]
         lines = [
             f"# {db.dataset}: {len(db)} clips, {db.frames} frames, {_minutes(db.frames)} minutes at {RATE:g} Hz",
             "",
@@ -72,7 +70,7 @@ class Report:
             "",
             "| style | clips | frames | minutes |",
             "|---|---:|---:|---:|",
-            *(f"| {style} | {len(of)} | {of.sum()} | {_minutes(int(of.sum()))} |" for style, of in rows),
+            *(f"| {style or 'no label'} | {len(of)} | {of.sum()} | {_minutes(int(of.sum()))} |" for style, of in rows),
         ]
         moved = [clip for clip in db.clips if clip.raised]
         if moved:
@@ -84,7 +82,7 @@ class Report:
 
 
 def prepare(
-    kind: str,
+    dataset: str,
     from_sources: Sequence[Path | str],
     out: Path | str,
     *,
@@ -92,17 +90,18 @@ def prepare(
     workers: int | None = None,
     progress: bool = True,
 ) -> Report:
-    """Make the database ``out`` from the folders, zip archives or files of one data set.
+    """Makes the database ``out`` from the folders, zip archives or files of one data set.
 
-    kind, split: see `interpose.data.sources.find`. workers: processes, as many as there are processors where None.
-    progress: show it on standard error. A database that is up to date is left as it is. Raises InputError where a
-    source cannot be read, nothing in it can be used, or ``out`` cannot be written.
+    dataset, split: see `interpose.data.sources.find`. workers: number of processes, one for each processor where None.
+    progress: shown on standard error. A database that is up to date stays as it is. Raises InputError where a source
+    cannot be read, nothing in it can be used, or ``out`` cannot be written.
     """
     begun = time.monotonic()
     out = Path(out)
-    found = sources.find(kind, from_sources, split)
+    found = sources.find(dataset, from_sources, split)
     keys = [clip.key() for clip in found.clips]
-    made_from = hashlib.sha256(repr((RECIPE, database.VERSION, keys, found.skipped)).encode()).hexdigest()
+    recipe = (RECIPE_VERSION, DATABASE_VERSION, keys, found.skipped)
+    made_from = hashlib.sha256(repr(recipe).encode()).hexdigest()
     try:
         present = database.load(out)
     except InputError:
@@ -110,9 +109,9 @@ def prepare(
     if present is not None and present.made_from == made_from:
         return Report(present, 0, time.monotonic() - begun)
 
-    parts = [out / PARTS / f"{RECIPE}-{key}.npz" for key in keys]
+    parts = [out / PARTS_FOLDER / f"{RECIPE_VERSION}-{key}.npz" for key in keys]
     try:
-        (out / PARTS).mkdir(parents=True, exist_ok=True)
+        (out / PARTS_FOLDER).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"the database {out} cannot be written: {error.strerror or error}") from None
     jobs = [(clip, part) for clip, part in zip(found.clips, parts, strict=True) if not _is_whole(part)]
@@ -126,27 +125,30 @@ def prepare(
         out,
         [_info(part) for part in kept],
         _arrays(kept),
-        dataset=kind,
-        licence=sources.KINDS[kind].licence,
+        dataset=dataset,
+        licence=sources.DATASETS[dataset].licence,
         made_from=made_from,
         skipped=skipped,
     )
-    shutil.rmtree(out / PARTS, ignore_errors=True)
+    shutil.rmtree(out / PARTS_FOLDER, ignore_errors=True)
     report = Report(made, len(jobs) - len(failed), time.monotonic() - begun)
-    write_whole(out / REPORT, report.markdown().encode())
+    write_whole(out / REPORT_FILE, report.markdown().encode())
     return report
 
 
 def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
-    """One clip, read from its file, as it lies in the database; raises InputError where it cannot be used."""
+    """Cuts a clip, brings it to 30 Hz, retargets it, and finds its floor, roots and contacts.
+
+    Raises InputError where it cannot be used.
+    """
     mapping = retarget.map_skeleton(motion)
     start, stop = 0, len(motion)
     if clip.cut is not None:
-        start, stop = (min(round(frame * motion.rate / CUT_RATE), len(motion)) for frame in clip.cut)
+        start, stop = (min(round(frame * motion.rate / FRAME_CUTS_RATE), len(motion)) for frame in clip.cut)
     kept = at_rate(motion[start:stop])
-    if len(kept) < MIN_FRAMES:
+    if len(kept) < MIN_CLIP_FRAMES:
         raise InputError(
-            f"{len(kept)} frames are left after the cut and at {RATE:g} Hz, at least {MIN_FRAMES} are needed"
+            f"{len(kept)} frames are left after the cut and at {RATE:g} Hz, at least {MIN_CLIP_FRAMES} are needed"
         )
     humanoid = retarget.to_humanoid(kept, mapping)
     positions = humanoid.global_positions()
@@ -162,9 +164,9 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
     info = ClipInfo(
         clip.name,
         clip.source.name,
-        clip.style,
-        clip.content,
-        clip.subject,
+        clip.labels.style,
+        clip.labels.content,
+        clip.labels.subject,
         float(motion.rate),
         len(motion),
         (start, stop),
@@ -174,7 +176,7 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
 
 
 def at_rate(motion: Motion) -> Motion:
-    """The motion at 30 Hz: every n-th frame where its rate is a multiple (59.9988 counts as 60), else interpolated."""
+    """The motion at 30 Hz: every n-th frame of a rate that is a multiple (59.9988 counts as 60), else interpolated."""
     every = round(motion.rate / RATE)
     if every >= 1 and abs(motion.rate / (every * RATE) - 1.0) < 1e-3:
         return replace(motion[::every], rate=RATE)
@@ -182,20 +184,20 @@ def at_rate(motion: Motion) -> Motion:
 
 
 def floor_height(positions: Float[ndarray, "frame 22 3"], rate: float) -> float:
-    """How far above y = 0 the floor is that the feet stand on, metres; 0 where they never rest.
+    """Height of the floor that the feet stand on, metres above y = 0; 0 where they never rest.
 
-    Ankles and toes are judged apart, by the 5th percentile of their heights while they are still; the one that is
-    nearer to its resting height is believed, as a foot may lie on its side, or rest on its toes, through a clip.
+    Ankles and toes each give an estimate, the 5th percentile of their heights while they are still. The smaller one
+    counts: in some clips a foot lies on its side or rests on its toes throughout.
     """
     feet = positions[:, contacts.INDICES]
-    still = np.linalg.norm(motions.velocities(feet, rate), axis=-1) < contacts.SPEED
+    still = np.linalg.norm(motions.velocities(feet, rate), axis=-1) < contacts.CONTACT_SPEED
     above = feet[..., 1] - contacts.REST_HEIGHTS
     heights = [np.percentile(above[:, part][still[:, part]], 5) for part in ([0, 2], [1, 3]) if still[:, part].any()]
     return float(min(heights, key=abs, default=0.0))
 
 
 def _make_parts(jobs: Sequence[tuple[SourceClip, Path]], workers: int | None, progress: bool) -> dict[SourceClip, str]:
-    """Prepares every job, the largest files first; the clips that cannot be used, with the reasons."""
+    """Prepares all clips, the largest files first; returns those that cannot be used, with the reasons."""
     jobs = sorted(jobs, key=lambda job: -job[0].source.size)
     workers = min(workers or os.cpu_count() or 1, max(len(jobs), 1))
     failed: dict[SourceClip, str] = {}
@@ -230,15 +232,15 @@ def _results(jobs: Sequence[tuple[SourceClip, Path]], workers: int) -> Iterator[
             yield waiting[future], future.result()
     except BrokenProcessPool:
         raise InputError(
-            "a process that prepared clips was killed, perhaps for want of memory; run again with fewer workers, "
-            "what is done is kept"
+            "a worker process was killed, perhaps because memory ran out; run again with fewer workers, finished "
+            "clips are kept"
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _make_part(clip: SourceClip, part: Path) -> str | None:
-    """Prepares one clip into its part file; the reason where the clip cannot be used. Failing to write is an error."""
+    """Prepares one clip into its part file; returns the reason where it cannot be used, raises where writing fails."""
     try:
         with tempfile.TemporaryDirectory() as folder:
             file = clip.source.origin

@@ -1,9 +1,7 @@
-"""Which frames of a database are worth their style label: folds, verdicts on windows joined to frames, the report.
+"""Frames of a database whose style label is probably wrong: what confident learning needs besides the networks.
 
-The DC-MoE paper distils LaFAN1 to the part whose style labels describe it, by confident learning (section 5.1;
-docs/method.md, C11). Windows are judged by a network that never saw their recording (`interpose.train.style.labels`);
-here is all of it that needs no network. What is kept is a file beside the database's own, ``labels-kept.npz``, which
-trainings honour: frames that it drops have their label set free.
+The DC-MoE paper distils LaFAN1 in this manner (section 5.1). `interpose.train.style.labels` judges the windows. The
+result is ``labels-kept.npz`` in the database's folder; frames that it drops are trained without a style.
 """
 
 from __future__ import annotations
@@ -22,15 +20,18 @@ from interpose.data.database import ClipInfo, Database
 from interpose.errors import InputError
 from interpose.io.files import write_whole
 
-FILE = "labels-kept.npz"
-PAPER_KEPT = 0.7514
-"""What the paper keeps of LaFAN1."""
+KEPT_LABELS_FILE = "labels-kept.npz"
+PAPER_KEPT_SHARE = 0.7514
+"""The share of LaFAN1 that the paper keeps."""
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """Windows and what is thought of their labels. starts: first frames, ascending. given, believed: style indices.
-    issue: whether the label is thought wrong. doubt: one minus the probability of the given label."""
+class JudgedWindows:
+    """Windows and verdicts on their labels.
+
+    starts: first frames, ascending. given, believed: style indices, as labelled and as predicted. issue: whether the
+    label is probably wrong. doubt: one minus the probability of the given label.
+    """
 
     length: int
     starts: Int64[ndarray, "window"]
@@ -41,8 +42,8 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """Frames [start, stop) of one clip, counted in the database, that are dropped, and the label believed in most."""
+class DroppedStretch:
+    """Dropped frames [start, stop) of one clip, counted in the database, and the label predicted most often."""
 
     clip: int
     start: int
@@ -52,16 +53,17 @@ class Stretch:
 
 
 def recording(clip: ClipInfo) -> str:
-    """The recording that a clip is from: its file's name up to the subject, as several clips may be cut from one."""
+    """The recording of a clip: its file's name up to the subject. Several clips may be cut from one recording."""
     stem = Path(clip.file or clip.name).stem
     before, subject, _ = stem.partition(clip.subject) if clip.subject else (stem, "", "")
     return before + subject
 
 
 def folds(database: Database, count: int) -> Int64[ndarray, "clip"]:
-    """Which fold holds out each clip: a recording's clips share one, and each style's recordings are spread.
+    """The fold that holds out each clip. All clips of a recording share one; the recordings of a style are spread.
 
-    -1 for the clips of styles that one recording alone has: held out, nothing would be left to learn them from.
+    -1 for clips without a style, and for those of a style with a single recording, where nothing would be left to learn
+    from.
     """
     names = [recording(clip) for clip in database.clips]
     frames = np.diff(database.ranges, axis=1)[:, 0]
@@ -83,8 +85,8 @@ def folds(database: Database, count: int) -> Int64[ndarray, "clip"]:
     return fold
 
 
-def dropped_frames(judged: Judged, frames: int) -> Bool[ndarray, "frame"]:
-    """The frames for which more than half of the windows that hold them are issues."""
+def dropped_frames(judged: JudgedWindows, frames: int) -> Bool[ndarray, "frame"]:
+    """The frames for which more than half of the windows around them are issues."""
     issues, windows = np.zeros(frames + 1), np.zeros(frames + 1)
     for count, rows in ((windows, judged.starts), (issues, judged.starts[judged.issue])):
         np.add.at(count, rows, 1.0)
@@ -92,32 +94,32 @@ def dropped_frames(judged: Judged, frames: int) -> Bool[ndarray, "frame"]:
     return (2.0 * np.cumsum(issues) > np.cumsum(windows))[:frames]
 
 
-def stretches(database: Database, judged: Judged, dropped: Bool[ndarray, "frame"]) -> list[Stretch]:
-    """What was dropped, run by run; a run's believed label is that of most of the issues in it."""
+def stretches(database: Database, judged: JudgedWindows, dropped: Bool[ndarray, "frame"]) -> list[DroppedStretch]:
+    """The runs of dropped frames; the believed label of a run is that of most issues in it."""
     out = []
     for clip, (start, stop) in enumerate(database.ranges.tolist()):
         edges = np.flatnonzero(np.diff(np.concatenate([[False], dropped[start:stop], [False]])))
         for first, last in (edges.reshape(-1, 2) + start).tolist():
             inside = judged.issue & (judged.starts + judged.length > first) & (judged.starts < last)
             most = int(np.argmax(np.bincount(judged.believed[inside], minlength=len(database.styles))))
-            out.append(Stretch(clip, first, last, most, float(judged.doubt[inside].mean())))
+            out.append(DroppedStretch(clip, first, last, most, float(judged.doubt[inside].mean())))
     return out
 
 
 def save(database: Database, kept: Bool[ndarray, "frame"]) -> Path:
-    """Writes which labels are kept beside the database's arrays, with the fingerprint of what they belong to."""
+    """Writes the frames that keep their label into the database's folder, with the database's fingerprint."""
     data = io.BytesIO()
     np.savez_compressed(data, kept=kept, fingerprint=np.array(database.fingerprint))
-    write_whole(database.path / FILE, data.getvalue())
-    return database.path / FILE
+    write_whole(database.path / KEPT_LABELS_FILE, data.getvalue())
+    return database.path / KEPT_LABELS_FILE
 
 
 def kept(database: Database) -> Bool[ndarray, "frame"] | None:
-    """Which frames keep their label, or None where `interpose labels` has not judged the database.
+    """The frames that keep their label; None where `interpose labels` has not run on the database.
 
-    Raises InputError for a file that is damaged, or was made for other contents of the database.
+    Raises InputError for a file that is damaged or belongs to other contents of the database.
     """
-    file = database.path / FILE
+    file = database.path / KEPT_LABELS_FILE
     try:
         with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
             mask, fingerprint = stored["kept"], str(stored["fingerprint"])
@@ -130,28 +132,30 @@ def kept(database: Database) -> Bool[ndarray, "frame"] | None:
     return mask
 
 
-def told(database: Database) -> str:
-    """The share of frames that keep their label and a digest of which; empty where all do as nothing was judged."""
+def kept_summary(database: Database) -> str:
+    """The share of frames that keep their label, with a digest; '' where `interpose labels` has not run."""
     mask = kept(database)
     if mask is None:
         return ""
     return f"labels kept {mask.mean():.4f} {hashlib.sha256(mask.tobytes()).hexdigest()[:8]}"
 
 
-def report(database: Database, judged: Judged, fold: Int64[ndarray, "clip"], dropped: Bool[ndarray, "frame"]) -> str:
-    """What was judged and dropped, as Markdown."""
+def report(
+    database: Database, judged: JudgedWindows, fold: Int64[ndarray, "clip"], dropped: Bool[ndarray, "frame"]
+) -> str:
+    """The Markdown report on judged and dropped labels."""
     labels = np.repeat(database.style_indices(), np.diff(database.ranges, axis=1)[:, 0])
     share = 1.0 - dropped.mean()
     right = judged.given == judged.believed
     lines = [
         f"# Labels of {database.dataset}",
         "",
-        f"{share:.2%} of {database.frames} frames keep their label; the DC-MoE paper keeps {PAPER_KEPT:.2%} of LaFAN1. "
-        f"{len(judged.starts)} windows of {judged.length} frames were judged, each by a network that saw nothing of "
-        f"its recording; it gives {right.mean():.1%} of them the label that they have, and {judged.issue.mean():.1%} "
-        "are issues.",
+        f"{share:.2%} of {database.frames} frames keep their label; the DC-MoE paper keeps {PAPER_KEPT_SHARE:.2%} of "
+        f"LaFAN1. {len(judged.starts)} windows of {judged.length} frames were judged, each by a network that was "
+        f"trained without its recording. The prediction is the given label for {right.mean():.1%} of them; "
+        f"{judged.issue.mean():.1%} are issues.",
         "",
-        "| style | recordings | frames | judged | as labelled | kept | believed in instead, frames |",
+        "| style | recordings | frames | judged | as labelled | kept | predicted instead, frames |",
         "|---|---|---|---|---|---|---|",
     ]
     runs = stretches(database, judged, dropped)
@@ -171,10 +175,10 @@ def report(database: Database, judged: Judged, fold: Int64[ndarray, "clip"], dro
             f"| {style} | {len(recordings)} | {mine.sum()} | {covered[mine].mean():.0%} | {agreed} "
             f"| {1.0 - dropped[mine].mean():.1%} | {named or '-'} |"
         )
-    alone = sorted({clip.style for clip, k in zip(database.clips, fold, strict=True) if k < 0})
+    alone = sorted({clip.style for clip, k in zip(database.clips, fold, strict=True) if k < 0 and clip.style})
     if alone:
-        lines += ["", f"Not judged, as one recording alone shows it, and kept: {', '.join(alone)}."]
+        lines += ["", f"Kept without judging, since there is only one recording: {', '.join(alone)}."]
     short = sum(b - a < judged.length for a, b in database.ranges.tolist())
     if short:
-        lines += ["", f"Not judged, as shorter than a window, and kept: {short} clips."]
+        lines += ["", f"Kept without judging, since they are shorter than a window: {short} clips."]
     return "\n".join(lines) + "\n"

@@ -1,15 +1,4 @@
-"""The root of each frame: where a character stands on the ground and which way it faces.
-
-Two definitions, for two needs. :func:`trajectory` is that of AI4Animation's root module (docs/method.md, C3), which the
-DC-MoE paper builds on (section 3.1, the set X^R): the hips on the ground, and the direction across hips and upper
-arms turned by a quarter, smoothed over two seconds. The smoothing adapts: its Gaussian weights are raised to the
-power of the turning rate, so that a standing character's sway is averaged away and a quick turn is followed. It
-needs neighbours in time. :func:`pose_yaw` needs one pose only.
-
-Two things differ from the source. Sides that point up or down (a character on its side) count less in the means, by
-the length of their shadow. And outside the clip the facing is reflected through the end point, not about it: a
-character that turns at the end of a clip goes on turning there, in place of turning back, so the ends are not
-pulled behind.
+"""The root of a frame: its position on the ground and the direction that it faces.
 
 Ground coordinates are (x, z). A facing is a unit vector (x, z); yaw is the angle about +Y from +Z towards +X.
 """
@@ -24,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from interpose import rotation
 from interpose.skeleton import HUMANOID
 
-WINDOW_SECONDS = 2.0
+SMOOTHING_SECONDS = 2.0
 UP = np.array([0.0, 1.0, 0.0])
 
 _LEFT = tuple(HUMANOID.index(name) for name in ("LeftUpLeg", "LeftArm"))
@@ -32,14 +21,18 @@ _RIGHT = tuple(HUMANOID.index(name) for name in ("RightUpLeg", "RightArm"))
 
 
 def trajectory(positions: Float[ndarray, "frame 22 3"], rate: float) -> Float[ndarray, "frame 4"]:
-    """Root of every frame, (x, z, facing x, facing z), from global positions in metres at ``rate`` Hz."""
+    """Root of every frame, (x, z, facing x, facing z), from global positions in metres at ``rate`` Hz.
+
+    As in AI4Animation's root module, which the DC-MoE paper builds on (section 3.1, the set X^R): the hips on the
+    ground, and :func:`facing` smoothed over two seconds. Where a single pose has to do, use :func:`pose_yaw`.
+    """
     return np.concatenate([positions[:, 0, [0, 2]], smooth(facing(positions), rate)], axis=-1)
 
 
 def facing(positions: Float[ndarray, "*batch 22 3"]) -> Float[ndarray, "*batch 2"]:
-    """The direction across hips and upper arms, turned by a quarter and not smoothed.
+    """The direction across hips and upper arms, rotated by 90 degrees and not smoothed.
 
-    Its length, at most 1, says how much of the sides lies in the ground plane; 0 where both are upright.
+    Its length, at most 1, is the part of that direction in the ground plane; 0 for a character that lies on its side.
     """
     across = positions[..., _LEFT, :] - positions[..., _RIGHT, :]
     side = np.mean(across / np.linalg.norm(across, axis=-1, keepdims=True), axis=-2)
@@ -47,8 +40,13 @@ def facing(positions: Float[ndarray, "*batch 22 3"]) -> Float[ndarray, "*batch 2
 
 
 def smooth(directions: Float[ndarray, "frame 2"], rate: float) -> Float[ndarray, "frame 2"]:
-    """Unit directions, averaged over a window of two seconds that narrows as they turn faster."""
-    half = round(rate * WINDOW_SECONDS / 2.0)
+    """Unit directions, averaged over a window of two seconds that narrows as they turn faster.
+
+    Gaussian weights are raised to the power of the turning rate: the sway of a standing character is averaged out, and
+    a quick turn is followed. Unlike in AI4Animation, short directions count less, and beyond the ends of the clip the
+    facing is reflected through the end point, so that a turn goes on there and the ends do not lag.
+    """
+    half = round(rate * SMOOTHING_SECONDS / 2.0)
     if half == 0:
         return _unit(directions)
     taps = np.arange(-half, half + 1)
@@ -86,8 +84,8 @@ def turned(v: Float[ndarray, "*#batch 2"], yaw: Float[ndarray, "*#batch"] | floa
 def pose_yaw(q_hips_world: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch"]:
     """The facing of a single pose in (-pi, pi]: the twist about +Y of the hips' global rotation.
 
-    For the frames of :data:`~interpose.skeleton.HUMANOID`, where the identity looks along +Z. It stays continuous
-    while a character lies down and rolls over; only hips exactly upside down have none, and 0 is returned for them.
+    For joint frames as in :data:`~interpose.skeleton.HUMANOID`, where the identity looks along +Z. It is continuous
+    while a character lies down and rolls over, and 0 for hips exactly upside down, which have no facing.
     """
     q = rotation.twist(q_hips_world, UP)
     angle = 2.0 * np.arctan2(q[..., 1], q[..., 3])

@@ -1,20 +1,6 @@
-"""What each data set looks like as its makers publish it: which files, and what their names and tables say.
+"""The data sets that `interpose prepare` reads, one entry each, and the clips in their folders and archives.
 
-    lafan1    the 77 BVH files or their zip, `walk1_subject5.bvh`; also excerpts of them, `walk1_subject5_turn.bvh`.
-              The style is the theme of the take, without its number. Harvey et al. 2020 test on subject 5.
-    100style  `Angry_FW.bvh` in a folder a style or all in one, with `Frame_Cuts.csv`: the frames to use, at 60 Hz.
-              Mason, Starke and Komura 2022.
-    bandai    `dataset-1_walk_angry_001.bvh`: content, then style. Bandai-Namco Research Motiondataset 1 and 2.
-    amass     `CMU/01/01_01_poses.npz`: data set, subject, take, as the archives of AMASS unpack; the style is the data
-              set. SMPL-H, SMPL-X and SMPL files; `shape.npz` and `*_stagei.npz` hold bodies and no motion. Mahmood et
-              al. 2019.
-    h36m      `S1/walking_1.txt`: the exponential maps of h3.6m.zip; the style is the action. Ionescu et al. 2014 test
-              on subjects 9 and 11.
-    o3de      `walk/walk1.bvh`: the motion-matching sample of O3DE; the style is the name of the sub-folder.
-    cmu       `dance/05_02.bvh`: takes of Carnegie Mellon's database, likewise in a sub-folder a style.
-    bvh       any folder; the style is the name of the sub-folder that a file is in.
-
-A source is a folder, a zip archive, or a single file. Files are found at any depth.
+A source is a folder, a zip archive or a single file. Files are found at any depth.
 """
 
 from __future__ import annotations
@@ -26,22 +12,136 @@ import os
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from interpose.errors import InputError
 
-UNLABELLED = "unlabelled"
-CUTS = "Frame_Cuts.csv"
-CUT_RATE = 60.0
+FRAME_CUTS = "Frame_Cuts.csv"
+FRAME_CUTS_RATE = 60.0
+"""Hertz: the rate at which the table counts frames."""
 
-_LAFAN1 = re.compile(r"(?P<style>[A-Za-z]+)\d*_(?P<subject>subject\d+)(?:_(?P<content>.+?)\d*)?")
-_STYLE100 = re.compile(r"(?P<style>[^_]+)_(?P<content>[A-Z]{2}\d?)")
-_H36M = re.compile(r"(?P<style>[A-Za-z]+)_\d+")
-_SUBJECT = re.compile(r"S\d+")
-_SHAPE = re.compile(r"shape|.*_stagei", re.IGNORECASE)
-_BANDAI = re.compile(r"dataset-\d+_(?P<content>[^_]+)_(?P<style>[^_]+)_\d+")
+
+@dataclass(frozen=True)
+class ClipLabels:
+    """What the path of a file says of its clip; '' where it does not say. A clip without a style trains as free."""
+
+    style: str = ""
+    content: str = ""
+    subject: str = ""
+
+
+LabelReader = Callable[[PurePosixPath], ClipLabels | str]
+"""The labels of a file from its path, or the reason why the file is not used."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A data set as its makers publish it.
+
+    licence: with the word NC where commercial use is not allowed (`interpose.export.folder.licence` looks for it), and
+    the credit that it asks for. labels: reads them from a file's path. suffix: of the motion files.
+    test_subjects: their clips are split 'test', all others 'train'. from_folders: labels depend on the folders above a
+    source, so that a part of the data set may be given. frame_cuts: a table gives the frames of each clip to use.
+    excerpts: a name may be that of a take with the name of an excerpt appended; it is skipped beside the whole take.
+    """
+
+    licence: str
+    labels: LabelReader
+    suffix: str = ".bvh"
+    test_subjects: tuple[str, ...] = ()
+    from_folders: bool = False
+    frame_cuts: bool = False
+    excerpts: bool = False
+
+
+def _by_name(expression: str, example: str) -> LabelReader:
+    """Labels are the named groups of an expression that the whole stem of a file matches."""
+    pattern = re.compile(expression)
+
+    def labels(path: PurePosixPath) -> ClipLabels | str:
+        found = pattern.fullmatch(path.stem)
+        if found is None:
+            return f"its name is not of the form {example}"
+        return ClipLabels(**{label: value or "" for label, value in found.groupdict().items()})
+
+    return labels
+
+
+def _by_folder(*styles: str) -> LabelReader:
+    """The style is the folder's name where it is one of ``styles``; other clips have none."""
+
+    def labels(path: PurePosixPath) -> ClipLabels:
+        folder = path.parent.name.lower()
+        return ClipLabels(folder.capitalize() if folder in styles else "")
+
+    return labels
+
+
+def _amass(path: PurePosixPath) -> ClipLabels | str:
+    """`CMU/01/01_01_poses.npz`: the style is the data set in AMASS, the folder above that of the subject."""
+    if re.fullmatch(r"shape|.*_stagei", path.stem, re.IGNORECASE):
+        return "it holds a body's shape and no motion"
+    folders = [folder for folder in path.parent.parts if folder != "/"]
+    return ClipLabels("".join(folders[-2:][:1]), subject=path.parent.name)
+
+
+def _h36m(path: PurePosixPath) -> ClipLabels | str:
+    """`S1/walking_1.txt`: the style is the action."""
+    found = re.fullmatch(r"([A-Za-z]+)_\d+", path.stem)
+    if found is None or not re.fullmatch(r"S\d+", path.parent.name):
+        return "its name is not of the form S1/walking_1.txt"
+    return ClipLabels(found[1].lower(), subject=path.parent.name)
+
+
+DATASETS = {
+    # Harvey et al. 2020, 77 files. The style is the theme of the take, without its number.
+    "lafan1": Dataset(
+        "CC BY-NC-ND 4.0 (non-commercial research only)",
+        _by_name(
+            r"(?P<style>[A-Za-z]+)\d*_(?P<subject>subject\d+)(?:_(?P<content>.+?)\d*)?", example="walk1_subject1.bvh"
+        ),
+        test_subjects=("subject5",),
+        excerpts=True,
+    ),
+    # Mason, Starke and Komura 2022: a folder for each style, or all files in one.
+    "100style": Dataset(
+        "CC BY 4.0, Mason, Starke and Komura 2022",
+        _by_name(r"(?P<style>[^_]+)_(?P<content>[A-Z]{2}\d?)", example="Angry_FW.bvh"),
+        frame_cuts=True,
+    ),
+    # Bandai-Namco Research Motiondataset 1 and 2: content, then style.
+    "bandai": Dataset(
+        "CC BY-NC 4.0 (non-commercial only)",
+        _by_name(r"dataset-\d+_(?P<content>[^_]+)_(?P<style>[^_]+)_\d+", example="dataset-1_walk_angry_001.bvh"),
+    ),
+    # Converted to BVH, a folder for each style: walk/walk1.bvh.
+    "o3de": Dataset(
+        "Apache-2.0 or MIT, Open 3D Engine (O3DE) motion matching sample",
+        _by_folder("crouch", "jog", "mixed", "push", "run", "turn", "walk"),
+        from_folders=True,
+    ),
+    # Converted to BVH, a folder for each style: dance/05_02.bvh.
+    "cmu": Dataset(
+        "free for commercial and other use, but the data itself may not be sold; Carnegie Mellon University, "
+        "mocap.cs.cmu.edu, funded by NSF EIA-0196217",
+        _by_folder("basketball", "dance", "everyday", "fight", "jump", "run", "signals", "soccer", "swordplay", "walk"),
+        from_folders=True,
+    ),
+    # Mahmood et al. 2019: SMPL-H, SMPL-X and SMPL files, in the folders of AMASS's archives.
+    "amass": Dataset("AMASS licence, NC (non-commercial research only)", _amass, ".npz", from_folders=True),
+    # Ionescu et al. 2014: the exponential maps of h3.6m.zip.
+    "h36m": Dataset(
+        "Human3.6M licence, NC (academic research only)",
+        _h36m,
+        ".txt",
+        test_subjects=("S9", "S11"),
+        from_folders=True,
+    ),
+    # Any folder. The style is the name of the sub-folder that holds the file.
+    "bvh": Dataset("unknown", lambda path: ClipLabels(path.parent.name)),
+}
 
 
 @dataclass(frozen=True)
@@ -67,197 +167,118 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class SourceClip:
-    """A clip to be prepared. ``cut`` is the range [start, stop) to keep, counted at ``CUT_RATE``; None keeps all."""
+    """A clip to prepare. ``cut`` is the range [start, stop) to keep, at ``FRAME_CUTS_RATE``; None keeps all."""
 
     name: str
     source: SourceFile
-    style: str
-    content: str
-    subject: str
+    labels: ClipLabels
     cut: tuple[int, int] | None
 
     def key(self) -> str:
-        """Changes when the file or anything else known of the clip does."""
+        """A digest that changes with the file, its place, its labels and its cut."""
         return hashlib.sha256(repr((self, self.source.origin.resolve())).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
-class Findings:
+class SourceClips:
     """The clips of some sources, sorted by name, and the files that are not used, each with the reason."""
 
     clips: tuple[SourceClip, ...]
     skipped: tuple[tuple[str, str], ...]
 
 
-Labels = Mapping[str, str | None] | str
-"""What the name of a file says: style, and where known content and subject; or why the file is not used."""
+def find(dataset: str, sources: Sequence[Path | str], split: str = "all") -> SourceClips:
+    """The clips of a data set in some folders, archives or files, whatever the order of these.
 
-
-@dataclass(frozen=True)
-class Kind:
-    """A data set: its licence, what labels the name of a file carries, the files' suffix, and who is for testing.
-
-    from_folders: the name begins with the folders that hold the source, so that a part of the data set may be given.
-    licence: with the word NC where commercial use is not allowed (`interpose.export.licence` looks for it).
+    ``split`` is 'all', or for a data set with test subjects 'train' (all others) or 'test' (only they). Raises
+    InputError for an unknown data set or split, a source that cannot be read, and where no clip is found.
     """
-
-    licence: str
-    labels: Callable[[PurePosixPath], Labels]
-    suffix: str = ".bvh"
-    test_subjects: tuple[str, ...] = ()
-    from_folders: bool = False
-
-
-def _by_stem(expression: re.Pattern[str], form: str) -> Callable[[PurePosixPath], Labels]:
-    def labels(name: PurePosixPath) -> Labels:
-        found = expression.fullmatch(name.stem)
-        return f"its name is not of the form {form}" if found is None else found.groupdict()
-
-    return labels
-
-
-def _amass(name: PurePosixPath) -> Labels:
-    if _SHAPE.fullmatch(name.stem):
-        return "it holds a body's shape and no motion"
-    folders = [folder for folder in name.parent.parts if folder != "/"]
-    return {"style": folders[-2] if len(folders) > 1 else (folders or [UNLABELLED])[-1], "subject": name.parent.name}
-
-
-def _h36m(name: PurePosixPath) -> Labels:
-    found = _H36M.fullmatch(name.stem)
-    if found is None or not _SUBJECT.fullmatch(name.parent.name):
-        return "its name is not of the form S1/walking_1.txt"
-    return {"style": found["style"].lower(), "subject": name.parent.name}
-
-
-def _by_folder(*styles: str) -> Callable[[PurePosixPath], Labels]:
-    """The style is the name of the folder, where it is one of ``styles``; otherwise the clip has none."""
-
-    def labels(name: PurePosixPath) -> Labels:
-        folder = name.parent.name.lower()
-        return {"style": folder.capitalize() if folder in styles else None}
-
-    return labels
-
-
-KINDS = {
-    "lafan1": Kind(
-        "CC BY-NC-ND 4.0 (non-commercial research only)",
-        _by_stem(_LAFAN1, "walk1_subject1.bvh"),
-        test_subjects=("subject5",),
-    ),
-    "100style": Kind("CC BY 4.0, Mason, Starke and Komura 2022", _by_stem(_STYLE100, "Angry_FW.bvh")),
-    "bandai": Kind("CC BY-NC 4.0 (non-commercial only)", _by_stem(_BANDAI, "dataset-1_walk_angry_001.bvh")),
-    "o3de": Kind(
-        "Apache-2.0 or MIT, Open 3D Engine (O3DE) motion matching sample",
-        _by_folder("crouch", "jog", "mixed", "push", "run", "turn", "walk"),
-        from_folders=True,
-    ),
-    "cmu": Kind(
-        "free for commercial and other use, but the data itself may not be sold; Carnegie Mellon University, "
-        "mocap.cs.cmu.edu, funded by NSF EIA-0196217",
-        _by_folder("basketball", "dance", "everyday", "fight", "jump", "run", "signals", "soccer", "swordplay", "walk"),
-        from_folders=True,
-    ),
-    "amass": Kind("AMASS licence, NC (non-commercial research only)", _amass, ".npz", from_folders=True),
-    "h36m": Kind(
-        "Human3.6M licence, NC (academic research only)",
-        _h36m,
-        ".txt",
-        test_subjects=("S9", "S11"),
-        from_folders=True,
-    ),
-    "bvh": Kind("unknown", lambda name: {"style": name.parent.name or UNLABELLED}),
-}
-
-
-def find(kind: str, sources: Sequence[Path | str], split: str = "all") -> Findings:
-    """The clips of one data set in some folders, archives or files.
-
-    ``split`` is 'all', or where a data set has subjects for testing, 'train' (all others) or 'test' (only they). Raises
-    InputError for an unknown kind or split, a source that cannot be read, and where no clip is found.
-    """
-    if kind not in KINDS:
-        raise InputError(f"unknown data set '{kind}'; known are {', '.join(KINDS)}")
-    if split not in ("all", "train", "test"):
-        raise InputError(f"unknown split '{split}'; use all, train or test")
-    chosen = KINDS[kind]
-    if split != "all" and not chosen.test_subjects:
-        able = " and ".join(name for name in KINDS if KINDS[name].test_subjects)
-        raise InputError(f"only {able} have a split into train and test, {kind} has none; leave it at 'all'")
+    chosen = _checked(dataset, split)
     if not sources:
         raise InputError("no source given; name at least one folder, zip archive or file")
-    listings = [_listing(Path(source), (chosen.suffix, ".csv")) for source in sources]
-    named: list[tuple[SourceFile, Mapping[str, str | None]]] = []
+    found: list[tuple[SourceFile, ClipLabels, tuple[int, int] | None]] = []
     skipped: list[tuple[str, str]] = []
-    cuts: dict[str, tuple[int, int]] = {}
-    for source, files in zip(sources, listings, strict=True):
+    for source in map(Path, sources):
+        files = _files(source, (chosen.suffix, ".csv"))
         motions = [file for file in files if file.name.lower().endswith(chosen.suffix)]
         if not motions:
             raise InputError(f"{source} holds no {chosen.suffix} file")
-        if kind == "100style":
-            cuts |= _read_cuts(source, files)
+        cuts = _read_frame_cuts(source, files) if chosen.frame_cuts else {}
         for file in motions:
-            name = PurePosixPath(file.name)
-            labels = chosen.labels(_folders(Path(source)) / name if chosen.from_folders else name)
+            path = PurePosixPath(file.name)
+            labels = chosen.labels(_folders(source) / path if chosen.from_folders else path)
             if isinstance(labels, str):
                 skipped.append((file.name, labels))
+            elif chosen.frame_cuts and path.stem not in cuts:
+                skipped.append((file.name, f"{FRAME_CUTS} has no range for it"))
             else:
-                named.append((file, labels))
-    repeated = Counter(file.name for file, _ in named)
-    # By their contents where names are equal, so that the order of the sources does not matter.
-    named.sort(key=lambda entry: (entry[0].name, entry[0].read_bytes() if repeated[entry[0].name] > 1 else b""))
-    names = _unique_names([file.name for file, _ in named])
-    whole = {name for name in names if name.count("_") == 1}
+                found.append((file, labels, cuts.get(path.stem)))
+    # Files of equal names are sorted by contents: the order of the sources must not matter.
+    repeated = Counter(file.name for file, *_ in found)
+    found.sort(key=lambda entry: (entry[0].name, entry[0].read_bytes() if repeated[entry[0].name] > 1 else b""))
+    names = _unique_names([file.name for file, *_ in found])
+    takes = {name for name in names if name.count("_") == 1} if chosen.excerpts else set()
     clips: list[SourceClip] = []
-    for name, (file, labels) in zip(names, named, strict=True):
-        subject = labels.get("subject") or ""
-        if split != "all" and (subject in chosen.test_subjects) != (split == "test"):
+    for name, (file, labels, cut) in zip(names, found, strict=True):
+        if split != "all" and (labels.subject in chosen.test_subjects) != (split == "test"):
             continue
-        if kind == "lafan1" and name.count("_") > 1 and name.rsplit("_", 1)[0] in whole:
-            skipped.append((file.name, "the whole take that it is an excerpt of is there, too"))
-        elif kind == "100style" and PurePosixPath(file.name).stem not in cuts:
-            skipped.append((file.name, f"{CUTS} has no range for it"))
+        if name.count("_") > 1 and name.rsplit("_", 1)[0] in takes:
+            skipped.append((file.name, "it is an excerpt of a take that is there as a whole"))
         else:
-            cut = cuts.get(PurePosixPath(file.name).stem)
-            clips.append(SourceClip(name, file, labels["style"] or "", labels.get("content") or "", subject, cut))
+            clips.append(SourceClip(name, file, labels, cut))
     if not clips:
         reason = f" ({skipped[0][0]}: {skipped[0][1]})" if skipped else f" of split '{split}'"
-        raise InputError(f"no clip of {kind}{reason} in {', '.join(map(str, sources))}")
-    return Findings(tuple(sorted(clips, key=lambda clip: clip.name)), tuple(sorted(skipped)))
+        raise InputError(f"no clip of {dataset}{reason} in {', '.join(map(str, sources))}")
+    return SourceClips(tuple(sorted(clips, key=lambda clip: clip.name)), tuple(sorted(skipped)))
 
 
-def _listing(source: Path, suffixes: tuple[str, ...]) -> list[SourceFile]:
+def _checked(dataset: str, split: str) -> Dataset:
+    if dataset not in DATASETS:
+        raise InputError(f"unknown data set '{dataset}'; choose from {', '.join(DATASETS)}")
+    if split not in ("all", "train", "test"):
+        raise InputError(f"unknown split '{split}'; use all, train or test")
+    if split != "all" and not DATASETS[dataset].test_subjects:
+        with_split = " and ".join(name for name, entry in DATASETS.items() if entry.test_subjects)
+        raise InputError(f"only {with_split} have a split into train and test; use all for {dataset}")
+    return DATASETS[dataset]
+
+
+def _files(source: Path, suffixes: tuple[str, ...]) -> list[SourceFile]:
     """Every file of these suffixes below a folder, in an archive, or the file itself; names relative, with '/'."""
     try:
         if source.is_dir():
             found = []
             for folder, folders, files in os.walk(source):
                 folders[:] = sorted(name for name in folders if not name.startswith("."))
-                found += [Path(folder) / name for name in sorted(files) if _wanted(name, suffixes)]
-            return [_plain(file, file.relative_to(source).as_posix()) for file in found]
+                found += [Path(folder) / name for name in sorted(files) if _is_wanted(name, suffixes)]
+            return [_file_on_disk(file, file.relative_to(source).as_posix()) for file in found]
         if source.suffix.lower() == ".zip":
             with zipfile.ZipFile(source) as archive:
                 members = sorted(archive.infolist(), key=lambda member: member.filename)
             return [
                 SourceFile(member.filename, source, member.filename, member.file_size, member.CRC)
                 for member in members
-                if _wanted(PurePosixPath(member.filename).name, suffixes)
+                if _is_wanted(PurePosixPath(member.filename).name, suffixes)
                 and not member.filename.startswith("__MACOSX/")
             ]
-        return [_plain(source, source.name)]
+        return [_file_on_disk(source, source.name)]
     except FileNotFoundError:
         raise InputError(f"the source {source} does not exist") from None
     except (OSError, zipfile.BadZipFile) as error:
         raise InputError(f"the source {source} cannot be read: {error}") from None
 
 
-def _wanted(name: str, suffixes: tuple[str, ...]) -> bool:
+def _is_wanted(name: str, suffixes: tuple[str, ...]) -> bool:
     return name.lower().endswith(suffixes) and not name.startswith(".")
 
 
+def _file_on_disk(file: Path, name: str) -> SourceFile:
+    status = file.stat()
+    return SourceFile(name, file, "", status.st_size, status.st_mtime_ns)
+
+
 def _folders(source: Path) -> PurePosixPath:
-    """The folders that hold what is in a source, itself included where it is one; an archive counts as one."""
+    """The folders above the files of a source, itself included where it is one; an archive counts as a folder."""
     whole = source.resolve()
     if whole.is_dir():
         return PurePosixPath(whole.as_posix())
@@ -265,33 +286,27 @@ def _folders(source: Path) -> PurePosixPath:
     return PurePosixPath(inside.as_posix())
 
 
-def _plain(file: Path, name: str) -> SourceFile:
-    status = file.stat()
-    return SourceFile(name, file, "", status.st_size, status.st_mtime_ns)
-
-
 def _unique_names(files: Sequence[str]) -> list[str]:
     """Stems of the files; whole paths where two stems are equal, and numbers where even those are."""
     paths = [PurePosixPath(file).with_suffix("") for file in files]
-    stems = [path.stem for path in paths]
-    count = Counter(stems)
-    names = [path.name if count[path.stem] == 1 else str(path) for path in paths]
-    seen: dict[str, int] = {}
+    count = Counter(path.name for path in paths)
+    names = [path.name if count[path.name] == 1 else str(path) for path in paths]
+    seen: Counter[str] = Counter()
     for i, name in enumerate(names):
-        seen[name] = seen.get(name, 0) + 1
+        seen[name] += 1
         if seen[name] > 1:
             names[i] = f"{name}#{seen[name]}"
     return names
 
 
-def _read_cuts(source: Path | str, files: Sequence[SourceFile]) -> dict[str, tuple[int, int]]:
-    """The range [start, stop) at 60 Hz of each `Style_CONTENT` that Frame_Cuts.csv has one for."""
-    tables = [file for file in files if PurePosixPath(file.name).name == CUTS]
+def _read_frame_cuts(source: Path, files: Sequence[SourceFile]) -> dict[str, tuple[int, int]]:
+    """The range [start, stop) at 60 Hz of each `Style_CONTENT` in the table; 'N/A' gives none."""
+    tables = [file for file in files if PurePosixPath(file.name).name == FRAME_CUTS]
     if not tables:
-        raise InputError(f"{source} has no {CUTS}, the table of 100STYLE that says which frames to use; put it beside")
+        raise InputError(f"{source} has no {FRAME_CUTS}, the table of 100STYLE with the frames to use; add it there")
     text = tables[0].read_bytes().decode("utf-8-sig", errors="replace")
     cuts: dict[str, tuple[int, int]] = {}
-    for line, row in enumerate(csv.DictReader(io.StringIO(text.replace("\0", ""))), start=2):
+    for number, row in enumerate(csv.DictReader(io.StringIO(text.replace("\0", ""))), start=2):
         style = (row.get("STYLE_NAME") or "").strip()
         for column in row:
             if not style or column is None or not column.endswith("_START"):
@@ -301,7 +316,7 @@ def _read_cuts(source: Path | str, files: Sequence[SourceFile]) -> dict[str, tup
             if start is None or stop is None:
                 continue
             if not 0 <= start < stop:
-                raise InputError(f"{tables[0].name} line {line}: the range {start} to {stop} of {content} is empty")
+                raise InputError(f"{tables[0].name} line {number}: the range {start} to {stop} of {content} is empty")
             cuts[f"{style}_{content}"] = (start, stop)
     if not cuts:
         raise InputError(f"{tables[0].name} holds no range; expected columns STYLE_NAME, FW_START, FW_STOP, …")

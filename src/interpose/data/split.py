@@ -1,4 +1,4 @@
-"""Which frames of a database train and which are held out: the end of every clip long enough to spare it."""
+"""The frames of a database for training, and those held out: the end of every long clip."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ Ranges = list[tuple[int, int]]
 
 
 def training_ranges(data: Database, held_out: float = 0.06, least: int = 130) -> tuple[Ranges, Ranges]:
-    """Frame ranges [start, stop) for training, and those held out from it. A clip of one frame is in neither; where no
-    clip can spare its end, the first is in both.
+    """Frame ranges [start, stop) for training, and those held out. A clip of one frame is in neither; where no clip is
+    long enough, the first is in both.
 
-    held_out: the share of a clip; least: frames of it at least, which only clips eight times as long can spare.
+    held_out: share of a clip to hold out, but at least ``least`` frames; only clips eight times as long are cut.
     """
     training, kept_back = [], []
     for start, stop in data.ranges.tolist():

@@ -1,8 +1,7 @@
-"""What a style is told from: windows of poses and velocities, each frame seen from its own root.
+"""The inputs of the style classifier: windows of joint positions and velocities, each frame relative to its own root.
 
-Joints are relative to the hips' place on the ground and to where the hips face (`interpose.data.root.pose_yaw`, which
-needs one pose alone, so that generated frames are seen as recorded ones are), so neither place nor direction shows.
-Velocities are those over the ground, in the same frame; the root's own motion is in them.
+The root is that of a single pose (`interpose.data.root.pose_yaw`), so that generated frames are treated like recorded
+ones. Velocities are over the ground, turned into the root's frame, so they include the root's motion.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ from interpose.data.database import RATE, Database
 from interpose.data.root import pose_yaw, turned
 from interpose.skeleton import HUMANOID, MIRROR
 
-CHANNELS = 2 * 3 * len(HUMANOID)
+STYLE_CHANNELS = 2 * 3 * len(HUMANOID)
 """Of a frame: positions in metres, then velocities in metres a second."""
-MIRRORED: list[int] = [66 * kind + 3 * joint + axis for kind in range(2) for joint in MIRROR for axis in range(3)]
-"""The channels of a frame's mirror image, in order; :data:`SIGNS` turn what points sideways."""
-SIGNS: list[float] = [-1.0, 1.0, 1.0] * (2 * len(HUMANOID))
+MIRRORED_CHANNELS = [66 * half + 3 * joint + axis for half in range(2) for joint in MIRROR for axis in range(3)]
+"""The channels of a frame's mirror image, in order; :data:`MIRROR_SIGNS` flip the sideways axis."""
+MIRROR_SIGNS = [-1.0, 1.0, 1.0] * (2 * len(HUMANOID))
 
 
-def seen(
+def style_channels(
     root: Float[ndarray, "*batch frame 3"], local: Float[ndarray, "*batch frame 22 4"]
 ) -> Float32[ndarray, "*batch frame 132"]:
-    """The channels of each frame of motions, hips positions and local rotations, of two frames or more.
+    """The channels of each frame, from hips positions and local rotations; at least two frames.
 
     The first frame has the velocity of the second.
     """
@@ -39,22 +38,24 @@ def seen(
     placed[..., ::2] = turned(positions[..., ::2] - root[..., None, ::2], back)
     velocities[..., ::2] = turned(velocities[..., ::2], back)
     both = np.stack([placed, velocities], axis=-3)
-    return both.reshape(*both.shape[:-3], CHANNELS).astype(np.float32)
+    return both.reshape(*both.shape[:-3], STYLE_CHANNELS).astype(np.float32)
 
 
-def seen_of(database: Database) -> Float32[ndarray, "frame 132"]:
+def database_channels(database: Database) -> Float32[ndarray, "frame 132"]:
     """The channels of every frame of a database; zeros for clips of one frame, which have no velocity."""
-    out = np.zeros((database.frames, CHANNELS), dtype=np.float32)
+    out = np.zeros((database.frames, STYLE_CHANNELS), dtype=np.float32)
     for start, stop in database.ranges.tolist():
         if stop - start > 1:
             motion = database.motion(start, stop)
-            out[start:stop] = seen(motion.root_positions, motion.local_rotations)
+            out[start:stop] = style_channels(motion.root_positions, motion.local_rotations)
     return out
 
 
-def starts(ranges: list[tuple[int, int]], length: int, offset: int) -> Int64[ndarray, "window"]:
-    """First frames of the windows in those ranges [start, stop): one each ``offset`` frames, and one flush with the
-    end; none in a range that is shorter than a window."""
+def window_starts(ranges: list[tuple[int, int]], length: int, offset: int) -> Int64[ndarray, "window"]:
+    """First frames of the windows in ranges [start, stop): one every ``offset`` frames, and one flush with the end.
+
+    A range that is shorter than a window has none.
+    """
     found: list[int] = []
     for start, stop in ranges:
         if stop - start >= length:

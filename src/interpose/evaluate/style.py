@@ -149,13 +149,13 @@ def judged(
     """Every side's judge trained, every gap generated and judged."""
     from interpose.train.style.classifier import Recipe, fit, probabilities
 
-    seen = style_windows.seen_of(database)
+    seen = style_windows.database_channels(database)
     styles = _styles(database, session, chosen)
     index = {style: i for i, style in enumerate(styles)}
     of_clip = np.array([index.get(clip.style, -1) for clip in database.clips])
 
     def labelled(ranges: Ranges, length: int, offset: int) -> tuple[Int64[ndarray, "window"], Int64[ndarray, "window"]]:
-        starts = style_windows.starts(ranges, length, offset)
+        starts = style_windows.window_starts(ranges, length, offset)
         label = of_clip[np.searchsorted(database.ranges[:, 0], starts, side="right") - 1]
         return starts[label >= 0], label[label >= 0]
 
@@ -206,7 +206,7 @@ def middle(
 ) -> Float32[ndarray, "gap _ 132"]:
     """What the judge sees of motions with both keys: their middle :data:`WINDOW` frames."""
     first = (root.shape[1] - WINDOW) // 2
-    return style_windows.seen(root, local)[:, first : first + WINDOW]
+    return style_windows.style_channels(root, local)[:, first : first + WINDOW]
 
 
 def _case(
@@ -280,7 +280,7 @@ def _styles(database: Database, session: Session, chosen: list[Side]) -> list[st
     first = database.ranges[:, 0]
     taught = []
     for side in chosen:
-        starts = style_windows.starts(side.judge, WINDOW, JUDGE_OFFSET)
+        starts = style_windows.window_starts(side.judge, WINDOW, JUDGE_OFFSET)
         taught.append({database.clips[i].style for i in np.searchsorted(first, starts, side="right") - 1})
     styles = [style for style in database.styles if style in session.styles and all(style in t for t in taught)]
     if len(styles) < 2:

@@ -108,10 +108,9 @@ def from_database(database: Database, ranges: list[tuple[int, int]] | None = Non
     """The tracks of a prepared database, or of those frame ranges of it (each inside a clip)."""
     chosen = [(int(a), int(b)) for a, b in database.ranges] if ranges is None else ranges
     starts = database.ranges[:, 0]
-    labels = database.style_indices()
     motions = [database.motion(start, stop) for start, stop in chosen]
     clips = [int(np.searchsorted(starts, start, side="right")) - 1 for start, _ in chosen]
-    return from_motions(motions, [database.styles[labels[clip]] for clip in clips])
+    return from_motions(motions, [database.clips[clip].style for clip in clips])
 
 
 def from_motions(motions: list[Motion], styles: list[str]) -> Tracks:

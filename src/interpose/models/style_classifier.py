@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from interpose.data.style_windows import CHANNELS
+from interpose.data.style_windows import STYLE_CHANNELS
 
 STEP = 2
 """Every second frame is looked at: 15 Hz, which holds what tells styles apart."""
@@ -24,15 +24,15 @@ class StyleClassifier(nn.Module):
     def __init__(self, classes: int, length: int, hidden: int = 64, dropout: float = 0.3) -> None:
         super().__init__()
         self.length = length
-        self.register_buffer("mean", torch.zeros(CHANNELS))
-        self.register_buffer("deviation", torch.ones(CHANNELS))
+        self.register_buffer("mean", torch.zeros(STYLE_CHANNELS))
+        self.register_buffer("deviation", torch.ones(STYLE_CHANNELS))
         layers: list[nn.Module] = []
-        for width, stride in ((CHANNELS, 2), (hidden, 2), (hidden, 1)):
+        for width, stride in ((STYLE_CHANNELS, 2), (hidden, 2), (hidden, 1)):
             layers += [nn.Conv1d(width, hidden, 5, stride, padding=2), nn.ReLU(), nn.Dropout(dropout)]
         self.body = nn.Sequential(*layers)
         self.head = nn.Linear(2 * hidden, classes)
 
     def forward(self, windows: Float[Tensor, "row time channel"]) -> Float[Tensor, "row style"]:
-        """Scores before the softmax, from windows of every second frame (`interpose.data.style_windows.seen`)."""
+        """Scores before the softmax, from windows of every second frame (`interpose.data.style_windows`)."""
         said = self.body(((windows - self.mean) / self.deviation).transpose(1, 2))
         return self.head(torch.cat([said.mean(dim=2), said.amax(dim=2)], dim=1))

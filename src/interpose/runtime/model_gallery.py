@@ -75,7 +75,7 @@ def tracks(
     chains = _chains(database, frames, draw)
     if not chains:
         raise InputError(f"{database.path}: no clip is longer than {SHORTEST} frames; chains of gaps need longer ones")
-    labels = [database.styles[database.style_indices()[clip]] for clip, _ in chains]
+    labels = [database.clips[clip].style for clip, _ in chains]
     styles = [label if label in session.styles else None for label in labels]
     keys = [keys for _, keys in chains]
     made = [database.motion(k[0], k[0] + 1) for k in keys]
@@ -105,9 +105,10 @@ def tracks(
 def _chains(database: Database, frames: int, draw: np.random.Generator) -> list[tuple[int, list[int]]]:
     """A clip and its key frames for each chain, until every style has its share or its clips are used up."""
     labels, out = database.style_indices(), []
-    for style in range(len(database.styles)):
+    styles = np.unique(labels)
+    for style in styles:
         clips = [c for c in np.nonzero(labels == style)[0].tolist() if np.diff(database.ranges[c])[0] >= SHORTEST]
-        wanted, order = frames // len(database.styles), draw.permutation(clips).tolist()
+        wanted, order = frames // len(styles), draw.permutation(clips).tolist()
         lasts = {clip: int(database.ranges[clip, 0]) for clip in clips}
         while wanted > 0 and order:
             clip = order.pop(0)

@@ -28,6 +28,11 @@ def test_frames_that_were_dropped_have_their_label_set_free(database, distilled)
     np.testing.assert_array_equal(made, np.where(dropped, 0, plain))
 
 
+def test_frames_without_a_label_are_free(database):
+    unlabelled = replace(database, clips=tuple(replace(clip, style="") for clip in database.clips))
+    assert (load_frames(unlabelled, None, list(learning.STYLES), [(30, 120)]).style == 0).all()
+
+
 def test_a_run_remembers_which_labels_counted(database, distilled):
     assert origin([database])["databases"] == (f"synthetic {database.fingerprint}",)
     (name,) = origin([distilled])["databases"]

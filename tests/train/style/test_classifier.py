@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from interpose.data.style_windows import CHANNELS, MIRRORED, SIGNS
+from interpose.data.style_windows import MIRROR_SIGNS, MIRRORED_CHANNELS, STYLE_CHANNELS
 from interpose.train.style.classifier import Recipe, fit, probabilities
 
 RECIPE = Recipe(20, steps=100, batch=32)
@@ -14,7 +14,7 @@ RECIPE = Recipe(20, steps=100, batch=32)
 def waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """600 frames of a little noise in which two joints swing slowly, then 600 in which they swing fast; 118 windows."""
     draw = np.random.default_rng(0)
-    seen = draw.normal(0.0, 0.02, (1200, CHANNELS)).astype(np.float32)
+    seen = draw.normal(0.0, 0.02, (1200, STYLE_CHANNELS)).astype(np.float32)
     time = np.arange(600)
     seen[:600, 12:18] += np.sin(0.2 * time)[:, None]
     seen[600:, 12:18] += np.sin(0.9 * time)[:, None]
@@ -36,7 +36,7 @@ def test_windows_that_were_not_trained_on_are_told_apart(waves, model):
 
 def test_a_mirror_image_is_the_same_style(waves, model):
     seen, starts, _ = waves
-    mirrored = seen[:, MIRRORED] * np.array(SIGNS, dtype=np.float32)
+    mirrored = seen[:, MIRRORED_CHANNELS] * np.array(MIRROR_SIGNS, dtype=np.float32)
     np.testing.assert_allclose(probabilities(model, mirrored, starts), probabilities(model, seen, starts), atol=1e-5)
 
 

@@ -58,7 +58,7 @@ def test_the_wrong_stretch_loses_its_label_and_is_drawn(marches, tmp_path, monke
     assert not kept[inside].any()
     inside[first + WRONG[0] - 30 : first + WRONG[1]] = True
     assert kept[~inside].mean() > 0.97
-    assert "kept: lone." in text
+    assert "only one recording: lone." in text
     assert (tmp_path / "report" / "report.md").read_text() == text
     told = json.loads((tmp_path / "report" / "labels.json").read_text())
     assert told["kept"] == pytest.approx(kept.mean(), abs=1e-4)

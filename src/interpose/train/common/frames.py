@@ -64,7 +64,7 @@ def load_frames(
     so does the label of a frame that `interpose labels` dropped.
     """
     labels, trusted = database.style_indices(), label_issues.kept(database)
-    known = np.array([styles.index(s) + 1 if s in styles else 0 for s in database.styles])
+    known = np.array([*(styles.index(s) + 1 if s in styles else 0 for s in database.styles), 0])  # the last for -1
     starts = database.ranges[:, 0]
     parts: list[dict[str, np.ndarray]] = []
     at = 0
@@ -114,7 +114,7 @@ def divided(
 def origin(databases: list[Database]) -> dict[str, Any]:
     """What a run's config keeps of its databases: their names and fingerprints, which labels count, their licences."""
     return {
-        "databases": tuple(f"{d.dataset} {d.fingerprint} {label_issues.told(d)}".strip() for d in databases),
+        "databases": tuple(f"{d.dataset} {d.fingerprint} {label_issues.kept_summary(d)}".strip() for d in databases),
         "licence": "; ".join(dict.fromkeys(d.licence for d in databases)),
     }
 

@@ -11,11 +11,11 @@ from numpy import ndarray
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.data.style_windows import MIRRORED, SIGNS
+from interpose.data.style_windows import MIRROR_SIGNS, MIRRORED_CHANNELS
 from interpose.models.style_classifier import STEP, StyleClassifier
 
-_MIRRORED = torch.tensor(MIRRORED)
-_SIGNS = torch.tensor(SIGNS)
+_MIRRORED = torch.tensor(MIRRORED_CHANNELS)
+_SIGNS = torch.tensor(MIRROR_SIGNS)
 
 
 @dataclass(frozen=True)

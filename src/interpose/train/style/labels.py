@@ -19,7 +19,7 @@ from numpy import ndarray
 from interpose.data import database as databases
 from interpose.data import label_issues, style_windows
 from interpose.data.database import RATE, Database
-from interpose.data.label_issues import Judged, Stretch
+from interpose.data.label_issues import DroppedStretch, JudgedWindows
 from interpose.errors import InputError
 from interpose.io.files import write_whole
 from interpose.motion import Motion
@@ -99,7 +99,7 @@ def ask(
 ) -> Opinions:
     """What a network that was trained without its recording makes of every window. Raises as :func:`distil` does."""
     ranges = [(a, b) for (a, b), k in zip(data.ranges.tolist(), fold, strict=True) if k >= 0]
-    starts = style_windows.starts(ranges, LENGTH, OFFSET)
+    starts = style_windows.window_starts(ranges, LENGTH, OFFSET)
     clip = np.searchsorted(data.ranges[:, 0], starts, side="right") - 1
     known, label = np.unique(data.style_indices()[clip], return_inverse=True)
     held = fold[clip]
@@ -109,17 +109,17 @@ def ask(
             f"{data.path}: labels are judged by other recordings of the same styles; at least two styles need two "
             f"recordings each with clips of {LENGTH} frames or more"
         )
-    seen = style_windows.seen_of(data)
+    seen = style_windows.database_channels(data)
     said = out_of_sample(seen, starts, label, held, len(known), Recipe(LENGTH, steps=steps, even=False), seed, progress)
     return Opinions(starts, label, known, said)
 
 
-def verdicts(opinions: Opinions, noise: float) -> Judged:
+def verdicts(opinions: Opinions, noise: float) -> JudgedWindows:
     """Which windows have an issue, by cleanlab; ``noise`` is the share of the estimated errors that is taken."""
     label, said, known = opinions.label, opinions.said, opinions.known
     issue = find_label_issues(label, said, filter_by="prune_by_noise_rate", frac_noise=noise, n_jobs=1)
     doubt = 1.0 - said[np.arange(len(label)), label]
-    return Judged(
+    return JudgedWindows(
         LENGTH, opinions.starts, known[label], known[said.argmax(axis=1)], np.asarray(issue, dtype=bool), doubt
     )
 
@@ -143,7 +143,7 @@ def out_of_sample(
     return out
 
 
-def told(data: Database, runs: list[Stretch], dropped: ndarray, noise: float) -> dict[str, object]:
+def told(data: Database, runs: list[DroppedStretch], dropped: ndarray, noise: float) -> dict[str, object]:
     """What `labels.json` says: the share kept, and every stretch that was dropped, in frames of its clip."""
     listed = []
     for run in runs:
@@ -161,7 +161,7 @@ def told(data: Database, runs: list[Stretch], dropped: ndarray, noise: float) ->
     return {
         "database": f"{data.dataset} {data.fingerprint}".strip(),
         "kept": round(1.0 - float(dropped.mean()), 4),
-        "paper_kept": label_issues.PAPER_KEPT,
+        "paper_kept": label_issues.PAPER_KEPT_SHARE,
         "noise": noise,
         "kept_by_style": kept,
         "dropped": listed,
@@ -173,10 +173,10 @@ def pairs(data: Database) -> list[tuple[tuple[int, int], str]]:
     return [((a, b), clip.style) for (a, b), clip in zip(data.ranges.tolist(), data.clips, strict=True)]
 
 
-def draw(data: Database, runs: list[Stretch], out: Path) -> list[Path]:
+def draw(data: Database, runs: list[DroppedStretch], out: Path) -> list[Path]:
     """Contact sheets of the styles of which most was dropped: their longest stretches, no two of one clip before every
     clip has had one."""
-    lost: dict[str, list[Stretch]] = {}
+    lost: dict[str, list[DroppedStretch]] = {}
     for run in sorted(runs, key=lambda run: run.start - run.stop):
         lost.setdefault(data.clips[run.clip].style, []).append(run)
     files = []
@@ -194,7 +194,7 @@ def draw(data: Database, runs: list[Stretch], out: Path) -> list[Path]:
     return files
 
 
-def _row(data: Database, run: Stretch) -> SheetRow:
+def _row(data: Database, run: DroppedStretch) -> SheetRow:
     first, info = int(data.ranges[run.clip, 0]), data.clips[run.clip]
     middle = (run.start + run.stop) // 2
     start, stop = max(run.start, middle - SHOWN // 2), min(run.stop, middle + SHOWN // 2)
