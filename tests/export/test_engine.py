@@ -14,6 +14,7 @@ import torch
 
 from interpose import rotation
 from interpose.export import dcmoe, engine, onnx_file
+from interpose.features.stitch import LONGEST_PLAN, spread
 from interpose.models.planner import GapPlan, PlanSize
 from interpose.motion import from_global
 from interpose.runtime import poses
@@ -22,7 +23,6 @@ from interpose.runtime.model_folder import Session, load
 from interpose.runtime.streaming import fading
 from interpose.runtime.streaming.stream import Stream
 from interpose.skeleton import HUMANOID, global_rotations
-from interpose.stitch_layout import LONGEST_PLAN, spread
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "engine"
 CLIP = learning.march(90, 1.0, 0.5)

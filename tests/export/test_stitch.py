@@ -13,10 +13,10 @@ import torch
 from stitch_learning import drawn, latent, situation
 
 from interpose import export as exporting
-from interpose import stitch_layout
 from interpose.errors import InputError
 from interpose.export import onnx_file, planner
 from interpose.export import stitch as export
+from interpose.features import stitch
 from interpose.models.planner import LONGEST
 from interpose.models.stitching_cvae import Memory
 from interpose.runtime.model_folder import FORMAT
@@ -94,7 +94,7 @@ def test_model_json_says_what_the_model_is(stitch_folder, stitch_network):
 
 def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
     info = told(stitch_folder)
-    shapes = stitch_layout.network_shapes(info["network"], len(info["styles"]))
+    shapes = stitch.network_shapes(info["network"], len(info["styles"]))
     assert set(shapes) == {"plan", "front", "back"}
     for name, wanted in shapes.items():
         inputs = onnx.load(stitch_folder / f"{name}.onnx").graph.input
@@ -108,7 +108,7 @@ def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
 def test_the_plan_says_what_torch_says(stitch_folder, stitch_network, frames, batch):
     ends = gaps.ends(frames, drawn(frames, batch, seed=batch))
     noise = torch.randn(batch, 16, generator=torch.Generator().manual_seed(0))
-    module, names = planner.Plan(stitch_network.plan), [*stitch_layout.ends_shapes(2), "noise"]
+    module, names = planner.Plan(stitch_network.plan), [*stitch.ends_shapes(2), "noise"]
     out = compare(stitch_folder / "plan.onnx", module, [*ends, noise], names)
     x, frame = stitch_network.plan(ends)
     z = stitch_network.plan.expect(x).at(noise)
@@ -122,7 +122,7 @@ def test_the_plan_says_what_torch_says(stitch_folder, stitch_network, frames, ba
 def test_a_step_says_what_torch_says(stitch_folder, stitch_network, frames, side, batch):
     generator = getattr(stitch_network, side)
     tensors = step_inputs(frames, stitch_network, generator, batch)
-    names = stitch_layout.network_shapes(told(stitch_folder)["network"], 2)[side]
+    names = stitch.network_shapes(told(stitch_folder)["network"], 2)[side]
     out = compare(stitch_folder / f"{side}.onnx", export.Step(generator), tensors, names)
     assert list(out) == [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
     np.testing.assert_allclose(*out["next_positions"], atol=5e-3)
@@ -137,7 +137,7 @@ def test_a_step_says_what_torch_says(stitch_folder, stitch_network, frames, side
 
 def test_the_last_step_makes_the_aim_in_8_bits_as_well(stitch_folder, stitch_network, frames):
     tensors = step_inputs(frames, stitch_network, stitch_network.front, 4)
-    names = list(stitch_layout.network_shapes(told(stitch_folder)["network"], 2)["front"])
+    names = list(stitch.network_shapes(told(stitch_folder)["network"], 2)["front"])
     given = dict(zip(names, tensors, strict=True))
     given |= {"left": torch.ones(4, 1), "base_following": given["base_there"]}
     session = onnxruntime.InferenceSession(stitch_folder / "front.onnx", providers=["CPUExecutionProvider"])
@@ -148,7 +148,7 @@ def test_the_last_step_makes_the_aim_in_8_bits_as_well(stitch_folder, stitch_net
 
 def test_the_papers_form_says_what_torch_says(letter, frames, tmp_path):
     network = {"form": "paper", "memory": 16, "decoder_memory": 16, "latent": 16, "planned": False, "latents": "frame"}
-    shapes = stitch_layout.network_shapes(network, 2)["front"]
+    shapes = stitch.network_shapes(network, 2)["front"]
     module = export.Step(letter.front)
     outputs = [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
     file = tmp_path / "front.onnx"
@@ -186,7 +186,7 @@ def test_the_papers_model_tells_its_signs_and_has_no_plan(letter, tmp_path, monk
 def test_examples_have_every_input(frames):
     for form in ("yaw", "paper"):
         network = {"form": form, "memory": 3, "decoder_memory": 4, "latent": 5, "planned": True, "latents": "gap"}
-        for shapes in stitch_layout.network_shapes(network, 2).values():
+        for shapes in stitch.network_shapes(network, 2).values():
             made = onnx_file.example(shapes, 7, 1)
             assert {k: tuple(v.shape[1:]) for k, v in made.items()} == shapes
             assert all(torch.equal(made[k], v) for k, v in onnx_file.example(shapes, 7, 1).items())
@@ -199,7 +199,7 @@ def test_examples_have_every_input(frames):
 def test_an_onnx_file_of_another_network_is_refused(stitch_folder, stitch_network):
     other = copy.deepcopy(stitch_network)
     other.front.experts[-1].linear.bias.add_(2.0)
-    shapes = stitch_layout.network_shapes(told(stitch_folder)["network"], 2)["front"]
+    shapes = stitch.network_shapes(told(stitch_folder)["network"], 2)["front"]
     content = (stitch_folder / "front.onnx").read_bytes()
 
     def inputs(batch, seed):

@@ -9,14 +9,14 @@ import torch
 from interpose import export as exporting
 from interpose.errors import InputError
 from interpose.export.target import example
-from interpose.models.target_pose import Complete, Size, TargetPose
+from interpose.models.target_pose import Complete, TargetPose, TargetSize
 from interpose.runtime.model_folder import load
 from interpose.train.common import checkpoint, loop
 from interpose.train.target.recipe import Config
 
 
 def write_run(folder, styles):
-    size = Size(2, 16, 1, styles=len(styles))
+    size = TargetSize(2, 16, 1, styles=len(styles))
     torch.manual_seed(1)
     model = TargetPose(size)
     folder.mkdir()

@@ -15,8 +15,8 @@ from torch.distributions import kl_divergence
 from interpose import rotation
 from interpose.data import root
 from interpose.features import RATE
+from interpose.features.stitch import ANCHORS, ends_shapes
 from interpose.models.planner import INPUT, LONGEST, POSE, Ends, GapPlan, Normal, PlanSize, divergence, normal
-from interpose.stitch_layout import ANCHORS, ends_shapes
 from interpose.train.common import gaps
 
 numbers = st.floats(-3.0, 3.0)

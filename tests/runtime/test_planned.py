@@ -7,10 +7,10 @@ import torch
 
 from interpose.export import dcmoe as exporting
 from interpose.export import planner as exporting_plan
+from interpose.features.stitch import ANCHORS, LONGEST_PLAN
 from interpose.runtime import planner, poses
 from interpose.runtime.backends import dcmoe
 from interpose.runtime.model_folder import Session
-from interpose.stitch_layout import ANCHORS, LONGEST_PLAN
 from interpose.train.common import checkpoint
 from interpose.train.dcmoe import validation
 from interpose.train.dcmoe.sequences import base_window

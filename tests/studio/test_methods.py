@@ -24,7 +24,7 @@ def test_without_models_interpolation_is_left(monkeypatch: pytest.MonkeyPatch) -
     def none(*_: object, **__: object) -> None:
         raise InputError("it is not installed")
 
-    monkeypatch.setattr(methods.model_folder, "load", none)
+    monkeypatch.setattr(methods, "choose", none)
     assert dict(methods.load()) == {}
     assert [one.method for one in methods.offered(methods.load())] == ["interp"]
     with pytest.raises(InputError, match="no model for method 'dcmoe' is installed; choose one of interp"):

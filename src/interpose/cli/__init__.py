@@ -10,6 +10,8 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from textwrap import wrap
+from types import ModuleType
 
 from interpose.errors import InputError
 
@@ -44,19 +46,17 @@ def _run(arguments: list[str]) -> int:
 
         print(f"interpose {version('interpose')}")
         return 0
+    if arguments in ([], ["--help"], ["-h"]):
+        print(_overview())
+        return 0
     import tyro
 
-    from interpose.cli import commands
-
-    prog, described = "interpose", f"{_DESCRIPTION} `interpose --version` prints the version."
-    named = (
-        "demo", "info", "fill", "between", "studio", "models", "gallery", "prepare", "labels", "train", "export",
-        "evaluate",
-    )  # fmt: skip
-    called = {name: getattr(commands, name) for name in named}
-    if arguments[:1] == ["gallery"]:
-        prog, described, arguments = "interpose gallery", commands.gallery.__doc__ or "", arguments[1:]
-        called = {name: getattr(commands, f"gallery_{name}") for name in ("build", "query", "plot", "generate")}
+    prog, described = "interpose", _DESCRIPTION
+    called = {name: getattr(module, name) for module, names in _groups() for name in names}
+    if arguments[0] == "gallery":
+        make_motion = _groups()[0][0]
+        prog, described, arguments = "interpose gallery", make_motion.gallery.__doc__ or "", arguments[1:]
+        called = {name: getattr(make_motion, f"gallery_{name}") for name in ("build", "query", "plot", "generate")}
         described = described.partition("\n")[0]
     try:
         status = tyro.extras.subcommand_cli_from_dict(
@@ -69,6 +69,28 @@ def _run(arguments: list[str]) -> int:
     except SystemExit as stop:  # tyro leaves this way after --help (0) and after wrong usage (2)
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     return status or 0
+
+
+def _groups() -> tuple[tuple[ModuleType, tuple[str, ...]], ...]:
+    """The commands, by the module that holds their help."""
+    from interpose.cli import make_motion, train_and_measure
+
+    return (
+        (make_motion, ("demo", "info", "fill", "between", "models", "studio", "gallery")),
+        (train_and_measure, ("prepare", "labels", "train", "export", "evaluate")),
+    )
+
+
+def _overview() -> str:
+    """The help of the program itself: its commands in two groups."""
+    lines = ["usage: interpose COMMAND ...", "", _DESCRIPTION]
+    for title, (module, names) in zip(("make motion", "train and measure"), _groups(), strict=True):
+        lines += ["", f"{title}:"]
+        for name in names:
+            first, *more = wrap((getattr(module, name).__doc__ or "").partition("\n")[0], 84)
+            lines += [f"  {name:<11} {first}", *(f"{'':<14}{line}" for line in more)]
+    more = "`interpose COMMAND --help` shows the options of one; `interpose --version` prints the version."
+    return "\n".join([*lines, "", more])
 
 
 def _fail(message: str, status: int = 1) -> int:

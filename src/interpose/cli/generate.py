@@ -10,20 +10,21 @@ from pathlib import Path
 
 from interpose import io, parts
 from interpose import keys as key_text
-from interpose.cli.commands import Options
 from interpose.cli.gallery import gallery_of
+from interpose.cli.options import Options
 from interpose.cli.output import output_paths, write_all
 from interpose.drawn_path import path_file
 from interpose.errors import InputError
 from interpose.motion import Motion, concatenate
-from interpose.runtime import inbetween
+from interpose.runtime import inbetween, methods
+from interpose.runtime.info import Info
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.model_folder import load
-from interpose.runtime.request import METHODS, Info, Request
+from interpose.runtime.request import Request
 
 
 def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
-    paths = _outputs(options)
+    paths = _outputs(options, clip)
     source = io.read(clip)
     chosen = key_text.parse_keys(keys, len(source))
     filled = inbetween.fill(source, chosen, _request(options, retime), variants=options.variants, retime=retime)
@@ -33,14 +34,14 @@ def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
 
 
 def between(start: str, target: str, frames: int | None, options: Options, target_joints: str | None = None) -> int:
-    paths = _outputs(options)
+    paths = _outputs(options, _named(start)[0], _named(target)[0])
     given = None if target_joints is None else parts.parse(target_joints)
     first, last = pose(start, -1), pose(target, 0)
     made = inbetween.inbetween(
         first.pose,
         last.pose,
         frames,
-        replace(_request(options, frames is None), parts=given),
+        _request(options, frames is None, given),
         variants=options.variants,
         names=(f"{first.file}:{first.frame}", f"{last.file}:{last.frame}"),
     )
@@ -56,34 +57,35 @@ def between(start: str, target: str, frames: int | None, options: Options, targe
     return 0
 
 
-def _outputs(options: Options) -> list[Path]:
+def _outputs(options: Options, *inputs: str) -> list[Path]:
     if not 1 <= options.variants <= 100:
         raise InputError(f"--variants must be 1 to 100, got {options.variants}")
-    return output_paths(options.out, options.variants)
+    return output_paths(options.out, options.variants, () if options.force else inputs)
 
 
-def _request(options: Options, untimed: bool) -> Request:
-    """``untimed``: the gallery is to say how long a gap takes, for interpolation, too."""
-    needed = options.method in METHODS and (options.method != "interp" or untimed)
-    session = load(options.model, method=options.method) if needed or options.model is not None else None
-    lines = path_file.read(Path(options.path)) if options.path.lower().endswith(".json") else None
+def _request(options: Options, untimed: bool, given: parts.Parts | None = None) -> Request:
+    """``untimed``: the gallery is to suggest how long a gap takes, for a method without a model, too."""
+    method, model = methods.choose(options.method, options.model)
     gallery = None if options.gallery is None else gallery_of(options.gallery)
+    if model is None and gallery is None and untimed:
+        gallery = load().gallery
     return Request(
-        options.method,
-        session,
-        options.style,
-        options.path,
-        options.seed,
-        options.speed,
-        lines,
-        gallery,
-        options.path_control,
-        options.style_strength,
+        method=method,
+        model=model,
+        style=options.style,
+        style_strength=options.style_strength,
+        path=options.path,
+        path_control=options.path_control,
+        drawn=path_file.read(Path(options.path)) if options.path.lower().endswith(".json") else None,
+        gallery=gallery,
+        speed=options.speed,
+        seed=options.seed,
+        parts=given,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class FilePose:
     """A frame of a file."""
 
     pose: Motion
@@ -91,41 +93,46 @@ class Pose:
     frame: int
 
 
-def pose(text: str, default: int) -> Pose:
+def pose(text: str, default: int) -> FilePose:
     """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
-    name, frame = (text, None) if Path(text).is_file() else key_text.parse_pose(text)
+    name, frame = _named(text)
     clip = io.read(name)
     number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
-    return Pose(clip[number], name, number)
+    return FilePose(clip[number], name, number)
+
+
+def _named(text: str) -> tuple[str, int | None]:
+    """The file and the frame, where one is named."""
+    return (text, None) if Path(text).is_file() else key_text.parse_pose(text)
 
 
 def _write(paths: Sequence[Path], motions: Sequence[Motion], unchanged_rows: Sequence[dict[int, int]]) -> None:
     write_all(paths, lambda i, path: io.write(path, motions[i], unchanged_rows[i]))
 
 
-def _report(paths: Sequence[Path], told: Sequence[Sequence[Info]], as_json: bool) -> None:
-    for variant, (path, infos) in enumerate(zip(paths, told, strict=True), start=1):
-        for info in infos:
+def _report(paths: Sequence[Path], infos: Sequence[Sequence[Info]], as_json: bool) -> None:
+    for variant, (path, gaps) in enumerate(zip(paths, infos, strict=True), start=1):
+        for info in gaps:
             if as_json:
                 print(json.dumps({**asdict(info), "variant": variant, "output": str(path)}, ensure_ascii=False))
             else:
-                print(_line(info), file=sys.stderr)
+                print(_summary(info), file=sys.stderr)
         print(f"wrote {path}", file=sys.stderr)
 
 
-def _line(info: Info) -> str:
+def _summary(info: Info) -> str:
     slide = "" if info.foot_slide_cm_per_frame is None else f", foot slide {info.foot_slide_cm_per_frame:.2f} cm/frame"
-    served = "interpolated: " if info.trajectory is None else ""
+    served = "falls back to interpolation: " if info.trajectory is None else ""
     why = "" if info.fallback is None else f" ({served}{info.fallback})"
     arrival = f"{info.arrival_position_error_m * 100:.3f} cm, {info.arrival_rotation_error_deg:.3f} deg"
     return (
         f"{info.start} -> {info.target}: {info.frames} frames by {info.method}, arrival error {arrival}{slide}, "
-        f"{info.seconds:.2f} s{_way(info)}{why}"
+        f"{info.seconds:.2f} s{_details(info)}{why}"
     )
 
 
-def _way(info: Info) -> str:
-    """Where the path is from and how closely it is kept, and the other times that would do."""
+def _details(info: Info) -> str:
+    """Where the path is from and how closely it is kept, and other durations."""
     out = "" if info.trajectory in (None, "model") else f", {info.trajectory} path"
     if info.path_deviation_m is not None:
         out += f" kept within {info.path_deviation_m * 100:.1f} cm"

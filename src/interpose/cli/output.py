@@ -11,10 +11,11 @@ from interpose.errors import InputError
 from interpose.io.registry import writer_of
 
 
-def output_paths(out: str, variants: int) -> list[Path]:
+def output_paths(out: str, variants: int, inputs: Sequence[str] = ()) -> list[Path]:
     """OUT.bvh for one variant, OUT-1.bvh, OUT-2.bvh, … for several.
 
-    Raises InputError, before any work is done, where the suffix is not known or the folder cannot be written to.
+    Raises InputError, before anything is generated, where the suffix is not known, the folder cannot be written to, or
+    a file is one of the ``inputs``.
     """
     path = Path(out)
     writer_of(out)
@@ -24,6 +25,8 @@ def output_paths(out: str, variants: int) -> list[Path]:
     for each in paths:
         if each.is_dir():
             raise InputError(f"{each} is a folder; name a file")
+        if each.exists() and any(Path(name).exists() and each.samefile(name) for name in inputs):
+            raise InputError(f"{each} is one of the inputs; name another file, or overwrite it with --force")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{out}: the folder {path.parent} cannot be written to")
     return paths

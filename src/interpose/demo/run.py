@@ -16,8 +16,8 @@ from interpose.demo.scenes import Scene, scenes
 from interpose.errors import InputError
 from interpose.motion import concatenate
 from interpose.render import SheetRow, compose, draw_rows, save
+from interpose.runtime.info import Info
 from interpose.runtime.model import Model, load_model
-from interpose.runtime.request import Info
 
 OVERVIEW = "contact-sheet.png"
 SEED = 1

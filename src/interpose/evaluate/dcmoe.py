@@ -1,20 +1,19 @@
 """`interpose evaluate dcmoe`: how DC-MoE fills LaFAN1's test windows from one start frame, along each kind of path.
 
-The windows are the protocol's (`interpose.evaluate.lafan1`), up to gaps of 90 frames. Each model fills them along its
-own way, which is its planner's; along the true root's way; along what `--path auto` takes; and as eight variants, of
-which the best counts. Several models are several seeds of one training: their mean is shown, too.
+The windows are the protocol's (`interpose.evaluate.lafan1`), up to gaps of 90 frames. Each model fills them without a
+path, along the true root's path, along what `--path auto` takes, and as eight variants, of which the best counts.
+Several models are several seeds of one training: their mean is shown, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
 from interpose.errors import InputError
 from interpose.evaluate import lafan1, metrics, run, tables
-from interpose.evaluate.methods import INTERP, Batch, Carrier, planted
+from interpose.evaluate.fill import INTERP, Carrier, Contender, fill, parse
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.run import Case
 from interpose.evaluate.tables import Row
@@ -22,10 +21,11 @@ from interpose.gallery.tracks import track_of
 from interpose.motion import Motion, concatenate
 from interpose.render import sheet
 from interpose.retarget import map_skeleton
-from interpose.runtime import guidance, methods, model_folder, poses
-from interpose.runtime.guidance import Gap, Wish
-from interpose.runtime.model_folder import Session
-from interpose.runtime.poses import Path as Way
+from interpose.runtime import guidance
+from interpose.runtime.gap_batch import Batch, Draw
+from interpose.runtime.guidance import Gap
+from interpose.runtime.poses import Path as RootPath
+from interpose.runtime.request import Request
 from interpose.skeleton import HUMANOID
 
 PROTOCOL = "dcmoe"
@@ -37,19 +37,11 @@ BEST = ("L2P", "L2Q", "L2Q_aligned", "ADE", "NPSS")
 HEADING = """# DC-MoE
 
 LaFAN1's test windows of subject 5 from one start frame, a gap of n frames; in brackets the ratio to `interp` on the
-same windows. A model's name alone is its own way; *true path* follows the true root's; *auto* what `--path auto` takes;
+same windows. A name alone is unconstrained; *true path* follows the true root; *auto* is what `--path auto` takes;
 *best of 8* is the best of eight variants in each window and metric. *mean* is the mean of all models given, seeds of
 one training. Feet are planted as in use. With part of the data set's files only ratios compare with other tables.
 Intervals (95 %, bootstrap over windows) are in `results.json`.
 """
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A model under a name for the tables."""
-
-    name: str
-    session: Session
 
 
 def evaluate_dcmoe(
@@ -58,19 +50,22 @@ def evaluate_dcmoe(
     out: Path,
     *,
     lengths: Sequence[int] = LENGTHS,
+    model: str | None = None,
     auto: bool = True,
     seed: int = 0,
     progress: Callable[[str], None] = lambda message: None,
 ) -> list[Row]:
     """Writes ``results.json``, ``.csv``, ``.md``, ``l2p.png`` and ``gaps-1.png`` and so on to ``out``.
 
-    data: the folder of LaFAN1's BVH files. named: ``dcmoe`` for the installed model `lafan1`, ``LABEL=MODEL`` for
-    others; ``interp`` is always there. auto: whether the gallery's paths are tried, which takes longest. Raises
-    InputError for what cannot be served, before anything is written.
+    data: the folder of LaFAN1's BVH files. named: as `interpose.evaluate.fill.parse` takes them; ``interp`` is always
+    there. auto: whether the gallery's paths are tried, which takes longest. Raises InputError for what cannot be
+    served, before anything is written.
     """
     if not lengths or min(lengths) < 2:
         raise InputError(f"gaps have 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
-    subjects = _subjects(named)
+    subjects = [one for one in parse(named, model=model, reserved=(run.TRUTH, "mean")) if one is not INTERP]
+    if not all(one.abilities.paths for one in subjects) or not subjects:
+        raise InputError(f"--methods {','.join(named)}: name methods that follow paths, such as dcmoe or plan")
     source = lafan1.read(data)
     first = source.clips[0]
     carrier = Carrier(first.skeleton, first.rate, map_skeleton(first.skeleton))
@@ -81,47 +76,25 @@ def evaluate_dcmoe(
             case = Case(windows, frames, source.scale)
             rows += _case_rows(case, carrier, subjects, auto, seed, progress)
     tables.write(rows, out, HEADING)
-    draw_gaps(source, carrier, subjects[0].session, out, seed)
+    draw_gaps(source, carrier, subjects[0], out)
     return rows
-
-
-def _subjects(named: Sequence[str]) -> list[Subject]:
-    out = []
-    for text in named:
-        label, equals, name = text.strip().partition("=")
-        if label == "interp" and not equals:
-            continue
-        if (
-            not label
-            or (equals and not name)
-            or (not equals and label != "dcmoe")
-            or label in ("interp", "truth", "mean")
-        ):
-            raise InputError(f"--methods {text}: give interp, dcmoe or LABEL=MODEL")
-        chosen = model_folder.load(name if equals else run.MODEL_METHODS["dcmoe"])
-        if chosen.method != "dcmoe":
-            raise InputError(f"--methods {text}: '{chosen.name}' is for method {chosen.method}; see 'evaluate stitch'")
-        out.append(Subject(label, chosen))
-    if not out or len({one.name for one in out}) < len(out):
-        raise InputError(f"--methods names each model once, got {', '.join(named) or 'none'}")
-    return out
 
 
 def _case_rows(
     case: Case,
     carrier: Carrier,
-    subjects: Sequence[Subject],
+    subjects: Sequence[Contender],
     auto: bool,
     seed: int,
     progress: Callable[[str], None],
 ) -> Iterator[Row]:
-    base = run.scores(case, INTERP)
+    base = run.scores(case, INTERP, carrier)
     yield from tables.scored(run.truth_scores(case), {}, run.TRUTH, PROTOCOL, case.frames, 1, seed)
     yield from tables.scored(base, base, "interp", PROTOCOL, case.frames, 1, seed)
     together: dict[str, list[dict[str, Scores]]] = {}
     for subject in subjects:
         progress(f"{subject.name}: {len(case.windows)} gaps of {case.frames} frames")
-        for kind, found in _kinds(case, carrier, subject.session, auto, seed).items():
+        for kind, found in _kinds(case, carrier, subject, auto, seed).items():
             together.setdefault(kind, []).append(found)
             yield from tables.scored(found, base, subject.name + kind, PROTOCOL, case.frames, 1, seed)
     if len(subjects) > 1:
@@ -130,65 +103,59 @@ def _case_rows(
             yield from tables.scored(pooled, base, "mean" + kind, PROTOCOL, case.frames, 1, seed)
 
 
-def _kinds(case: Case, carrier: Carrier, model: Session, auto: bool, seed: int) -> dict[str, dict[str, Scores]]:
+def _kinds(case: Case, carrier: Carrier, model: Contender, auto: bool, seed: int) -> dict[str, dict[str, Scores]]:
     """The scores of each kind of path, by what is added to a model's name."""
-    true = _true_ways(case, carrier)
+    true = _true_paths(case, carrier)
     out = {
         "": run.judged(case, *_filled(case, carrier, model, None)),
         " true path": run.judged(case, *_filled(case, carrier, model, true)),
     }
     if auto:
-        out[" auto"] = run.judged(case, *_filled(case, carrier, model, _auto_ways(case, carrier, model, seed)))
+        out[" auto"] = run.judged(case, *_filled(case, carrier, model, _auto_paths(case, carrier, model, seed)))
     several = [run.judged(case, *_filled(case, carrier, model, None, 1 + seed + i)) for i in range(VARIANTS)]
     out[f" best of {VARIANTS}"] = {name: metrics.best([each[name] for each in several]) for name in BEST}
     return out
 
 
-def _keys(case: Case, carrier: Carrier) -> tuple[Batch, Batch]:
-    """Start and target on the 22 joints, one frame each."""
+def _keys(case: Case) -> tuple[Batch, Batch]:
+    """Start and target, one frame each."""
     w = case.windows
-    return tuple(carrier.onto(w.root[:, i : i + 1], w.local[:, i : i + 1]) for i in (case.start, case.target))  # type: ignore[return-value]
+    at = (slice(case.start, case.start + 1), slice(case.target, case.target + 1))
+    return (w.root[:, at[0]], w.local[:, at[0]]), (w.root[:, at[1]], w.local[:, at[1]])
 
 
 def _filled(
-    case: Case, carrier: Carrier, model: Session, ways: Sequence[Way | None] | None, vary: int | None = None
+    case: Case,
+    carrier: Carrier,
+    model: Contender,
+    paths: Sequence[RootPath | None] | None,
+    variant: int | None = None,
 ) -> Batch:
-    """The frames between the keys on the data's skeleton, feet planted; ``vary``: the seed of a variant."""
-    start, end = _keys(case, carrier)
-    made = methods.generate_batch(
-        model,
-        *start,
-        end[0][:, 0],
-        end[1][:, 0],
-        case.frames,
-        seed=vary or 0,
-        vary=vary is not None,
-        paths=ways,
-    )
-    root, local = carrier.back(made[0], planted(start, end, *made))
-    return root, poses.continued(case.windows.local[:, case.start], local)
+    """The frames between the keys on the data's skeleton, feet locked; ``variant``: the seed of one."""
+    drawn: list[Draw] = [None if variant is None else (variant, row) for row in range(len(case.windows))]
+    return fill(model, *_keys(case), case.frames, carrier=carrier, paths=paths, draws=drawn).motion
 
 
-def _true_ways(case: Case, carrier: Carrier) -> list[Way]:
-    """The true root's way in each window, keys included."""
+def _true_paths(case: Case, carrier: Carrier) -> list[RootPath]:
+    """The true root's path in each window, keys included."""
     inner = slice(case.start, case.target + 1)
-    root, local = carrier.onto(case.windows.root[:, inner], case.windows.local[:, inner])
+    root, local = carrier.onto((case.windows.root[:, inner], case.windows.local[:, inner]))
     return [track_of(Motion(HUMANOID, r, q, case.windows.rate)) for r, q in zip(root, local, strict=True)]
 
 
-def _auto_ways(case: Case, carrier: Carrier, model: Session, seed: int) -> list[Way | None]:
+def _auto_paths(case: Case, carrier: Carrier, model: Contender, seed: int) -> list[RootPath | None]:
     """What `--path auto` takes in each window."""
-    start, end = _keys(case, carrier)
+    start, end = (carrier.onto(key) for key in _keys(case))
     pairs = zip(*start, *end, strict=True)
     gaps = [
         Gap(Motion(HUMANOID, a, b, case.windows.rate), Motion(HUMANOID, c, d, case.windows.rate))
         for a, b, c, d in pairs
     ]
-    wish = Wish(case.frames + 1, seed=seed)
-    return [guidance.plans(model, model.gallery, gap, wish, 1)[0].path for gap in gaps]
+    request = Request(model.backend.name, model.model, seed=seed)
+    return [guidance.guide(request, gap, case.frames + 1, 1)[0].path for gap in gaps]
 
 
-def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Session, out: Path, seed: int = 0) -> list[Path]:
+def draw_gaps(source: lafan1.Data, carrier: Carrier, model: Contender, out: Path) -> list[Path]:
     """Contact sheets of :data:`SHEETS` test gaps, spread over the files, each below the truth: five gaps a sheet."""
     rows: list[sheet.SheetRow] = []
     for number in range(SHEETS):

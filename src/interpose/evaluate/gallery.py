@@ -24,8 +24,8 @@ from interpose.data.database import Database
 from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.evaluate import metrics, tables
+from interpose.evaluate.fill import Contender, fill
 from interpose.evaluate.lafan1 import forward_kinematics
-from interpose.evaluate.methods import planted
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import Row
 from interpose.features import RATE
@@ -37,12 +37,15 @@ from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import NOTHING_KNOWN, EndStates, gather
 from interpose.gallery.windows import select
 from interpose.motion import Motion
-from interpose.runtime import guidance, methods, poses
-from interpose.runtime.backends import dcmoe
-from interpose.runtime.backends.dcmoe import Path as Way
-from interpose.runtime.guidance import Gap, Wish
+from interpose.runtime import guidance, poses
+from interpose.runtime.gap_batch import Draw
+from interpose.runtime.guidance import Gap
+from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
+from interpose.runtime.poses import Path as RootPath
 from interpose.runtime.ranking import TOES
+from interpose.runtime.request import Request
+from interpose.runtime.transition import path_deviation
 from interpose.skeleton import HUMANOID
 
 LENGTHS = (30, 45, 60, 90)
@@ -69,7 +72,7 @@ class Gaps:
     root: Float[ndarray, "gap frame 3"]
     local: Float[ndarray, "gap frame 22 4"]
     positions: Float[ndarray, "gap frame 22 3"]
-    ways: list[Float[ndarray, "frame 3"]]
+    paths: list[Float[ndarray, "frame 3"]]
     ends: list[EndStates]
 
     def __len__(self) -> int:
@@ -154,17 +157,17 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
     yield from tables.scored(
         {"foot_slide": _slide(gaps, gaps.positions[:, 1:-1])}, {}, "truth", "gallery", gaps.frames, 1, seed
     )
-    ways: dict[str, list[Way | None]] = {
+    kinds: dict[str, list[RootPath | None]] = {
         "none": [None] * len(gaps),
-        "straight": [paths.straight(query_of(way), steps) for way in gaps.ways],
-        "random": [_random(gallery, way, seed + row) for row, way in enumerate(gaps.ways)],
+        "straight": [paths.straight(query_of(way), steps) for way in gaps.paths],
+        "random": [_random(gallery, way, seed + row) for row, way in enumerate(gaps.paths)],
         "gallery": [_planned(session, gallery, gaps.gap(row), steps, seed) for row in range(len(gaps))],
-        "true": [*gaps.ways],
+        "true": [*gaps.paths],
     }
-    for name, chosen in ways.items():
+    for name, chosen in kinds.items():
         root, local = _filled(session, gaps, chosen)
         found = _scores(gaps, forward_kinematics(HUMANOID, root, local)[1], scale)
-        away = [dcmoe.strayed(way_made, way) for way_made, way in zip(root, chosen, strict=True) if way is not None]
+        away = [path_deviation(made, path) for made, path in zip(root, chosen, strict=True) if path is not None]
         if away:
             found["path_deviation"] = metrics.mean(np.array(away)[:, None])
         yield from tables.scored(found, reference, name, "gallery", gaps.frames, 1, seed)
@@ -172,12 +175,13 @@ def case_rows(gaps: Gaps, gallery: Gallery, session: Session, seed: int = 0) -> 
         yield from tables.scored({"diversity": found}, {}, name, "gallery", gaps.frames, 1, seed)
 
 
-def _planned(session: Session, gallery: Gallery, gap: Gap, steps: int, seed: int) -> Way | None:
+def _planned(session: Session, gallery: Gallery, gap: Gap, steps: int, seed: int) -> RootPath | None:
     """The path that `interpose between` takes by default."""
-    return guidance.plans(session, gallery, gap, Wish(steps, seed=seed), 1)[0].path
+    request = Request(session.method, session, gallery=gallery, path="gallery", seed=seed)
+    return guidance.guide(request, gap, steps, 1)[0].path
 
 
-def _random(gallery: Gallery, way: Way, seed: int) -> Way | None:
+def _random(gallery: Gallery, way: RootPath, seed: int) -> RootPath | None:
     """A direct candidate of about the true duration, drawn at random (Algorithm 1, line 25)."""
     draw, steps = np.random.default_rng(seed), len(way) - 1
     query, lengths = query_of(way), (int(steps / 1.1), int(np.ceil(steps * 1.1)))
@@ -189,22 +193,13 @@ def _random(gallery: Gallery, way: Way, seed: int) -> Way | None:
 
 
 def _filled(
-    session: Session, gaps: Gaps, chosen: Sequence[Way | None], vary: int | None = None
+    session: Session, gaps: Gaps, chosen: Sequence[RootPath | None], vary: int | None = None
 ) -> tuple[Float[ndarray, "gap frame 3"], Float[ndarray, "gap frame 22 4"]]:
     """The gaps' inner frames along those paths, feet planted; ``vary`` is a seed of start phases."""
-    made_root, made_local, contacts = methods.generate_batch(
-        session,
-        gaps.root[:, :1],
-        gaps.local[:, :1],
-        gaps.root[:, -1],
-        gaps.local[:, -1],
-        gaps.frames,
-        seed=vary or 0,
-        vary=vary is not None,
-        paths=chosen,
-    )
+    contender = Contender(session.name, backend_of(session.method), session)
+    drawn: list[Draw] = [None if vary is None else (vary, row) for row in range(len(gaps))]
     keys = (gaps.root[:, :1], gaps.local[:, :1]), (gaps.root[:, -1:], gaps.local[:, -1:])
-    return made_root, planted(*keys, made_root, made_local, contacts)
+    return fill(contender, *keys, gaps.frames, paths=chosen, draws=drawn).motion
 
 
 def _scores(gaps: Gaps, made: Float[ndarray, "gap frame 22 3"], scale: Float[ndarray, "22 3"]) -> dict[str, Scores]:
@@ -226,7 +221,7 @@ def _slide(gaps: Gaps, made: Float[ndarray, "gap frame 22 3"]) -> Scores:
 def duration_errors(gaps: Gaps, gallery: Gallery, seed: int = 0) -> Float[ndarray, "gap"]:
     """How far the suggested duration is from the true one, as a share of it; infinite where none can be suggested."""
     steps, away = gaps.frames + 1, []
-    for way, ends in zip(gaps.ways, gaps.ends, strict=True):
+    for way, ends in zip(gaps.paths, gaps.ends, strict=True):
         try:
             away.append(abs(proposals.suggestion(gallery, query_of(way), ends, None, seed).steps - steps) / steps)
         except Unreachable:
@@ -252,11 +247,11 @@ def _diversity(gaps: Gaps, gallery: Gallery, session: Session, seed: int) -> dic
     chosen: Int[ndarray, "gap"] = np.unique(np.linspace(0, len(gaps) - 1, VARIED).astype(int))
     apart: dict[str, list[float]] = {"gallery": [], "phases": []}
     for row in chosen.tolist():
-        found: list[Way] = []
+        found: list[RootPath] = []
         try:
             asked = PathRequest(gaps.frames + 1)
             made = proposals.propose(
-                gallery, query_of(gaps.ways[row]), asked, gaps.ends[row], count=VARIANTS, seed=seed
+                gallery, query_of(gaps.paths[row]), asked, gaps.ends[row], count=VARIANTS, seed=seed
             )
             found = [one.path for one in made]
         except Unreachable:

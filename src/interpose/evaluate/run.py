@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.evaluate import lafan1, metrics, tables
-from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, Method, from_model
+from interpose.evaluate.fill import INTERP, Carrier, Contender, fill, parse
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import Row
 
@@ -27,9 +27,6 @@ Test windows of subject 5: the official protocol (`lafan1`) up to 45 frames, lon
 With part of the data set's files only these ratios compare with other tables, not the values. Intervals (95 %,
 bootstrap over windows) are in `results.json` and `results.csv`; what each metric is, in `interpose.evaluate.metrics`.
 """
-MODEL_METHODS = {"dcmoe": "lafan1"}
-"""The installed model that stands for a method where none is named: the one trained on LaFAN1's subjects 1 to 4."""
-_BASELINES = {method.name: method for method in (INTERP, ZERO_VELOCITY)}
 
 
 def evaluate_lafan1(
@@ -45,52 +42,27 @@ def evaluate_lafan1(
 ) -> list[Row]:
     """Run methods on LaFAN1's test windows and write ``results.json``, ``.csv``, ``.md`` and ``l2p.png`` to ``out``.
 
-    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``LABEL=MODEL`` for a model's
-    folder or name, or a model's method (``dcmoe``) alone, which stands for the model ``model`` (by default
-    :data:`MODEL_METHODS`). lengths: of the transitions, in frames. context_frames: 1 to 10, how many frames the
-    models know before the transition, the start key included (the baselines know the protocol's ten and use the
-    last). Where matplotlib is not installed there is no figure.
-    Raises InputError for a method, a length, a context or a folder that cannot be served, before anything is written.
+    data: the folder of LaFAN1's BVH files. methods: as `interpose.evaluate.fill.parse` takes them. lengths: of the
+    transitions, in frames. context_frames: 1 to 10, how many frames the models know before the transition, the start
+    key included (the baselines know the protocol's ten and use the last). Where matplotlib is not installed there is no
+    figure. Raises InputError for a method, a length, a context or a folder that cannot be served, before anything is
+    written.
     """
     if not 1 <= context_frames <= lafan1.PAST:
         raise InputError(f"the context has 1 to {lafan1.PAST} frames, not {context_frames}")
     if not lengths or min(lengths) < 2:
         raise InputError(f"transition lengths must be 2 frames or more, got {', '.join(map(str, lengths)) or 'none'}")
-    named = [parse_method(text, model) for text in methods]
-    labels = [label for label, _ in named]
-    if not labels or len(set(labels)) < len(labels):
-        raise InputError(
-            f"--methods names each method once, got {', '.join(labels) or 'none'}; LABEL=MODEL names a model"
-        )
+    chosen = parse(methods, model=model, context_frames=context_frames, reserved=(TRUTH,))
     progress(f"reading {data}")
     source = lafan1.read(data)
-    first = source.clips[0]
-    chosen = [
-        _BASELINES.get(label)
-        or from_model(label, name, first.skeleton, first.rate, context_frames=context_frames, seed=seed)
-        for label, name in named
-    ]
+    carrier = Carrier.of(source.clips[0].skeleton, source.clips[0].rate)
     rows: list[Row] = []
     for window, group in groupby(sorted(set(lengths)), lafan1.window_length):
         windows = lafan1.cut(source.clips, window)
         for frames in group:
-            rows += case_rows(Case(windows, frames, source.scale), chosen, seed, progress)
+            rows += case_rows(Case(windows, frames, source.scale), chosen, carrier, seed, progress)
     tables.write(rows, out, HEADING)
     return rows
-
-
-def parse_method(text: str, model: str | None = None) -> tuple[str, str | None]:
-    """The label and the model of a method as it is typed: ``interp``, ``dcmoe``, ``dcmoe=FOLDER``."""
-    label, equals, name = text.strip().partition("=")
-    if equals and label in (*_BASELINES, TRUTH):
-        raise InputError(f"--methods {text}: {label} is no label for a model, choose another")
-    if not label or (equals and not name):
-        raise InputError(f"--methods {text}: give {', '.join(_BASELINES)}, dcmoe or LABEL=MODEL")
-    if not equals and label not in (*_BASELINES, *MODEL_METHODS):
-        raise InputError(
-            f"--methods {text}: no such method; there are {', '.join((*_BASELINES, *MODEL_METHODS))} and LABEL=MODEL"
-        )
-    return label, name if equals else model or MODEL_METHODS.get(label)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,34 +83,32 @@ class Case:
 
 
 def case_rows(
-    case: Case, methods: Sequence[Method], seed: int = 0, progress: Callable[[str], None] = lambda message: None
+    case: Case,
+    methods: Sequence[Contender],
+    carrier: Carrier,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda message: None,
 ) -> list[Row]:
     """All metrics of all methods on one transition length, each with its ratio to interp, and the truth's beside."""
-    base = scores(case, INTERP)
+    base = scores(case, INTERP, carrier)
     rows = list(
         tables.scored(truth_scores(case), {}, TRUTH, lafan1.protocol(case.frames), case.frames, lafan1.PAST, seed)
     )
     for method in methods:
         progress(f"{method.name}: {len(case.windows)} transitions of {case.frames} frames")
-        found = base if method is INTERP else scores(case, method)
+        found = base if method is INTERP else scores(case, method, carrier)
         rows += tables.scored(
             found, base, method.name, lafan1.protocol(case.frames), case.frames, method.context_frames, seed
         )
     return rows
 
 
-def scores(case: Case, method: Method) -> dict[str, Scores]:
+def scores(case: Case, method: Contender, carrier: Carrier) -> dict[str, Scores]:
     """All metrics of one method, by name."""
-    windows, target = case.windows, case.target
-    first = lafan1.PAST - method.context_frames
-    made_root, made_local = method.generate(
-        windows.root[:, first : lafan1.PAST],
-        windows.local[:, first : lafan1.PAST],
-        windows.root[:, target],
-        windows.local[:, target],
-        case.frames,
-    )
-    return judged(case, made_root, made_local)
+    w, past = case.windows, slice(0, lafan1.PAST)
+    target = slice(case.target, case.target + 1)
+    keys = (w.root[:, past], w.local[:, past]), (w.root[:, target], w.local[:, target])
+    return judged(case, *fill(method, *keys, case.frames, carrier=carrier).motion)
 
 
 def judged(

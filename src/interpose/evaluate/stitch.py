@@ -18,19 +18,17 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.evaluate import lafan1, metrics, tables
-from interpose.evaluate.methods import INTERP, ZERO_VELOCITY, Drawn, Method, drawing, from_model
+from interpose.evaluate.fill import INTERP, Carrier, Contender, FilledGaps, fill, parse
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.stitch_figures import draw_errors, draw_samples
 from interpose.evaluate.tables import Row
-from interpose.runtime import model_folder
+from interpose.runtime.gap_batch import Batch, Draw
 
 PROTOCOL = "stitch"
 LENGTHS = (10, 30, 50)
 """Frames of a gap, both keys counted."""
 OFFSET = 20
 SAMPLES = 10
-DEFAULTS = {"stitch": "stitch-lafan1", "dcmoe": "lafan1"}
-"""The installed models that stand for a method where none is named: those trained on LaFAN1's subjects 1 to 4."""
 BEST = ("L2P", "L2Q_aligned", "ADE", "SLDE", "NPSS")
 """Metrics of which the best of the samples says something."""
 TOES = ("LeftToe", "RightToe")
@@ -67,77 +65,52 @@ def evaluate_stitch(
 ) -> list[Row]:
     """Runs methods on gaps of which two frames are known; writes ``results.json``, ``.csv``, ``.md`` and figures.
 
-    data: the folder of LaFAN1's BVH files. methods: ``interp``, ``zero-velocity``, ``stitch`` or ``dcmoe`` for
-    ``model`` or, without it, for the installed model that was trained on subjects 1 to 4, and ``LABEL=MODEL``; a label
-    that ends in ``+detail`` refines. Figure 6 (``errors.png``) shows all methods, figure 8 (``samples.png``) the first
-    that draws. Raises InputError for what cannot be served, before anything is written.
+    data: the folder of LaFAN1's BVH files. methods: as `interpose.evaluate.fill.parse` takes them; those whose variants
+    differ by their latents alone are shown with samples. Figure 6 (``errors.png``) shows all methods, figure 8
+    (``samples.png``) the first that draws. Raises InputError for what cannot be served, before anything is written.
     """
     if not lengths or min(lengths) < 4 or max(lengths) > lafan1.SCALE_WINDOW:
         raise InputError(f"gaps have 4 to {lafan1.SCALE_WINDOW} frames here, both keys counted, got {list(lengths)}")
     source = lafan1.read(data)
     windows = lafan1.cut(source.clips, lafan1.SCALE_WINDOW, offset, 1)
-    fixed, drawn = _chosen(methods, windows, model, seed)
+    carrier = Carrier.of(windows.skeleton, windows.rate)
+    chosen = parse(methods, model=model, reserved=("truth",))
+    drawn = [one for one in chosen if one.abilities.latent_variants]
     rows: list[Row] = []
     errors: dict[str, list[Float[ndarray, "sample frame"]]] = {}
     for frames in sorted(set(lengths)):
         case = Case(windows, frames, source.scale)
-        base = scores(case, *_fixed(case, INTERP))
+        base = scores(case, *_kinematics(case, _fill(case, INTERP, carrier).motion))
         rows += tables.scored(_alone(case, windows.positions[:, :frames]), {}, "truth", PROTOCOL, frames, 1, seed)
-        for method in fixed:
-            progress(f"{method.name}: {len(windows)} gaps of {frames} frames")
-            made = _fixed(case, method)
-            rows += tables.scored(scores(case, *made), base, method.name, PROTOCOL, frames, 1, seed)
-            if frames == max(lengths):
-                errors[method.name] = [_along(case, made[1])]
-        for method in drawn:
-            progress(f"{method.name}: {len(windows)} gaps of {frames} frames, {samples} samples each")
-            mean, several = _several(case, method, samples)
+        for method in chosen:
+            count = samples if method in drawn else 0
+            progress(f"{method.name}: {len(windows)} gaps of {frames} frames, {count} samples each")
+            along, several = _several(case, method, carrier, count, seed)
             for name, found in several.items():
                 rows += tables.scored(found, base, name, PROTOCOL, frames, 1, seed)
             if frames == max(lengths):
-                errors[method.name] = mean
+                errors[method.name] = along
     tables.write(rows, out, HEADING)
     draw_errors(errors, out / "errors.png")
     if drawn:
-        draw_samples(windows, drawn[0], max(lengths), out / "samples.png")
+        draw_samples(windows, drawn[0], carrier, max(lengths), out / "samples.png")
     return rows
 
 
-def _chosen(
-    methods: Sequence[str], windows: lafan1.Windows, model: str | None, seed: int
-) -> tuple[list[Method], list[Drawn]]:
-    """The methods that give one motion a gap, and those that draw."""
-    fixed: list[Method] = []
-    drawn: list[Drawn] = []
-    baselines = {method.name: method for method in (INTERP, ZERO_VELOCITY)}
-    for text in methods:
-        label, equals, name = text.strip().partition("=")
-        if not label or (equals and not name) or (equals and label in baselines):
-            raise InputError(f"--methods {text}: give interp, zero-velocity, stitch, dcmoe or LABEL=MODEL")
-        if label in baselines:
-            fixed.append(baselines[label])
-            continue
-        if not equals and label not in DEFAULTS:
-            raise InputError(f"--methods {text}: no such method; there are {', '.join((*baselines, *DEFAULTS))}")
-        chosen = name if equals else model or DEFAULTS[label]
-        skeleton, rate = windows.skeleton, windows.rate
-        if model_folder.load(chosen).method == "stitch":
-            drawn.append(drawing(label, chosen, skeleton, rate, seed=seed))
-        else:
-            fixed.append(from_model(label, chosen, skeleton, rate, seed=seed))
-    names = [m.name for m in (*fixed, *drawn)]
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"--methods names each method once, got {', '.join(names) or 'none'}")
-    return fixed, drawn
+def keys(windows: lafan1.Windows, frames: int) -> tuple[Batch, Batch]:
+    """The first and the last of so many frames."""
+    at = slice(frames - 1, frames)
+    return (windows.root[:, :1], windows.local[:, :1]), (windows.root[:, at], windows.local[:, at])
 
 
-def _keys(case: Case) -> tuple[ndarray, ndarray, ndarray, ndarray, int]:
-    w, last = case.windows, case.frames - 1
-    return w.root[:, :1], w.local[:, :1], w.root[:, last], w.local[:, last], case.frames - 2
+def _fill(case: Case, method: Contender, carrier: Carrier, draw: int | None = None) -> FilledGaps:
+    """``draw``: the seed of a sample; None for the likeliest motion."""
+    drawn: list[Draw] = [None if draw is None else (draw, row) for row in range(len(case.windows))]
+    return fill(method, *keys(case.windows, case.frames), case.frames - 2, carrier=carrier, draws=drawn)
 
 
-def _fixed(case: Case, method: Method) -> tuple[Float[ndarray, "window frame joint 4"], ndarray]:
-    return lafan1.forward_kinematics(case.windows.skeleton, *method.generate(*_keys(case)))
+def _kinematics(case: Case, motion: Batch) -> tuple[ndarray, ndarray]:
+    return lafan1.forward_kinematics(case.windows.skeleton, *motion)
 
 
 def scores(
@@ -172,27 +145,28 @@ def _alone(case: Case, whole: Float[ndarray, "window frame joint 3"]) -> dict[st
 
 
 def _several(
-    case: Case, method: Drawn, samples: int
+    case: Case, method: Contender, carrier: Carrier, samples: int, seed: int
 ) -> tuple[list[Float[ndarray, "sample frame"]], dict[str, dict[str, Scores]]]:
-    """Of a method that draws: its errors along time, and the metrics of the mean, of samples, and of the best."""
-    made = method.draw(*_keys(case), samples)
-    skeleton = case.windows.skeleton
-    kinematics = [lafan1.forward_kinematics(skeleton, root, local) for root, local in made.motions]
-    found = [scores(case, *each) for each in kinematics]
-    mean, drawn = found[0], found[1:]
-    raw = lafan1.forward_kinematics(skeleton, *made.raw)
-    out = {method.name: mean | {"MMPE": metrics.mean(made.apart[:, None])}}
-    out[f"{method.name} raw"] = {
-        k: v for k, v in scores(case, *raw).items() if k in ("foot_slide", "jerk_ratio", "L2P")
-    }
-    sample = {name: metrics.pooled([each[name] for each in drawn]) for name in mean}
-    positions = np.stack([p for _, p in kinematics[1:]])
-    out[f"{method.name} sample"] = sample | {"APD": metrics.apd(positions)}
-    out[f"{method.name} best of {samples}"] = {name: metrics.best([each[name] for each in drawn]) for name in BEST}
-    slides = [each["foot_slide"] for each in drawn]
-    worst = max(slides, key=lambda s: s.value)
+    """A method's errors along time, and its metrics; where it draws, also those of the mean, of samples, of the
+    best."""
+    likeliest = _fill(case, method, carrier)
+    mean = scores(case, *_kinematics(case, likeliest.motion))
+    along = [_along(case, _kinematics(case, likeliest.motion)[1])]
+    if not samples:
+        return along, {method.name: mean}
+    drawn = [_kinematics(case, _fill(case, method, carrier, 1 + seed * samples + i).motion) for i in range(samples)]
+    found = [scores(case, *each) for each in drawn]
+    distance = likeliest.chain_distance
+    apart = {} if distance is None else {"MMPE": metrics.mean(distance[:, None])}
+    raw = scores(case, *_kinematics(case, likeliest.raw))
+    out = {method.name: mean | apart}
+    out[f"{method.name} raw"] = {k: v for k, v in raw.items() if k in ("foot_slide", "jerk_ratio", "L2P")}
+    pooled = {name: metrics.pooled([each[name] for each in found]) for name in mean}
+    out[f"{method.name} sample"] = pooled | {"APD": metrics.apd(np.stack([p for _, p in drawn]))}
+    out[f"{method.name} best of {samples}"] = {name: metrics.best([each[name] for each in found]) for name in BEST}
+    worst = max((each["foot_slide"] for each in found), key=lambda s: s.value)
     out[f"{method.name} worst of {samples}"] = {"foot_slide": worst}
-    return [_along(case, p)[0][None] for _, p in kinematics[1:4]], out
+    return [_along(case, p) for _, p in drawn[:3]], out
 
 
 def _along(case: Case, positions: Float[ndarray, "window frame joint 3"]) -> Float[ndarray, "1 frame"]:

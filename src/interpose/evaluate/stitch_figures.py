@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose.evaluate.fill import Carrier, Contender, fill
 from interpose.evaluate.lafan1 import Windows
-from interpose.evaluate.methods import Drawn
 from interpose.io.files import write_whole
 from interpose.motion import Motion, concatenate
 from interpose.render.sheet import SheetRow, compose, draw_rows, save
@@ -52,24 +52,21 @@ def draw_errors(errors: Mapping[str, Sequence[Float[ndarray, "sample frame"]]], 
     return True
 
 
-def draw_samples(windows: Windows, method: Drawn, frames: int, path: Path) -> None:
+def draw_samples(windows: Windows, method: Contender, carrier: Carrier, frames: int, path: Path) -> None:
     """Figure 8: the likeliest motion and :data:`SHOWN` samples of one gap, and the truth, a row each.
 
     The gap is the one whose root goes as far as that of nine tenths of the windows.
     """
     far = np.linalg.norm(windows.root[:, frames - 1] - windows.root[:, 0], axis=-1)
-    one = int(np.argsort(far)[int(0.9 * (len(far) - 1))])
-    w = windows
-    last = frames - 1
-    keys = w.root[[one], :1], w.local[[one], :1], w.root[[one], last], w.local[[one], last]
-    made = method.draw(*keys, frames - 2, SHOWN)
+    one = windows.one(int(np.argsort(far)[int(0.9 * (len(far) - 1))]))
+    last = slice(frames - 1, frames)
+    start, target = (one.root[:, :1], one.local[:, :1]), (one.root[:, last], one.local[:, last])
 
-    def whole(root: ndarray, local: ndarray) -> Motion:
-        ends = [Motion(w.skeleton, w.root[one, [i]], w.local[one, [i]], w.rate) for i in (0, last)]
-        return concatenate(ends[0], Motion(w.skeleton, root, local, w.rate), ends[1])
+    def row(label: str, seed: int | None) -> SheetRow:
+        made = fill(method, start, target, frames - 2, carrier=carrier, draws=[None if seed is None else (seed, 0)])
+        parts = [Motion(one.skeleton, root[0], local[0], one.rate) for root, local in (start, made.motion, target)]
+        return SheetRow(concatenate(*parts), label, ("the mean of the prior",) if seed is None else ())
 
-    rows = [SheetRow(whole(*(x[0] for x in made.motions[0])), "likeliest", ("the mean of the prior",))]
-    for number, motion in enumerate(made.motions[1:], start=1):
-        rows.append(SheetRow(whole(*(x[0] for x in motion)), f"sample {number}"))
-    rows.append(SheetRow(Motion(w.skeleton, w.root[one, :frames], w.local[one, :frames], w.rate), "truth"))
+    rows = [row("likeliest", None), *(row(f"sample {i}", i) for i in range(1, SHOWN + 1))]
+    rows.append(SheetRow(Motion(one.skeleton, one.root[0, :frames], one.local[0, :frames], one.rate), "truth"))
     save(path, compose(draw_rows(rows), f"{method.name}: one gap of {frames} frames", ""))

@@ -24,11 +24,12 @@ from interpose.data.database import Database
 from interpose.data.split import Ranges, training_ranges
 from interpose.errors import InputError
 from interpose.evaluate import metrics, style_tables, tables
-from interpose.evaluate.methods import INTERP, Batch, planted
+from interpose.evaluate.fill import INTERP, Contender, fill
 from interpose.evaluate.tables import Row
-from interpose.runtime import methods
+from interpose.runtime.gap_batch import Batch
+from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
-from interpose.runtime.request import STRONGEST
+from interpose.runtime.request import MAX_STYLE_STRENGTH
 
 LENGTHS = (60, 90)
 WINDOW = 30
@@ -109,8 +110,10 @@ def evaluate_style(
     """
     if part not in ("all", "held-out"):
         raise InputError(f"unknown part '{part}' of a database; use all or held-out")
-    if not strengths or not all(0.0 <= strength <= STRONGEST for strength in strengths):
-        raise InputError(f"a style's strength is 0 to {STRONGEST:g}, got {', '.join(f'{s:g}' for s in strengths)}")
+    if not strengths or not all(0.0 <= strength <= MAX_STYLE_STRENGTH for strength in strengths):
+        raise InputError(
+            f"a style's strength is 0 to {MAX_STYLE_STRENGTH:g}, got {', '.join(f'{s:g}' for s in strengths)}"
+        )
     if not lengths or min(lengths) < WINDOW:
         raise InputError(f"gaps that are judged have {WINDOW} frames or more, got {', '.join(map(str, lengths))}")
     found = judged(database, session, sides(database, part), strengths, sorted(set(lengths)), seed, progress)
@@ -223,8 +226,8 @@ def _case(
     every = np.arange(len(gaps))
     rows = np.repeat(every, gaps.others.shape[1])
     elsewhere = gaps.others.flatten()
-    keys = gaps.root[:, :1], gaps.local[:, :1], gaps.root[:, -1], gaps.local[:, -1]
-    bare = INTERP.generate(*keys, frames)
+    keys = (gaps.root[:, :1], gaps.local[:, :1]), (gaps.root[:, -1:], gaps.local[:, -1:])
+    bare = fill(INTERP, *keys, frames).motion
     untold = {
         "recorded": call(middle(gaps.root, gaps.local)),
         "interp": call(middle(*_with_keys(gaps, every, bare))),
@@ -251,21 +254,20 @@ def _filled(
     seed: int,
 ) -> Float32[ndarray, "row _ 132"]:
     """What the judge sees of those gaps filled by the model: one known frame, its own way, feet planted."""
+    contender = Contender(session.name, backend_of(session.method), session)
     out = []
     for at in range(0, len(rows), ROWS):
         part = rows[at : at + ROWS]
         start, end = (gaps.root[part, :1], gaps.local[part, :1]), (gaps.root[part, -1:], gaps.local[part, -1:])
-        root, local, contacts = methods.generate_batch(
-            session,
-            *start,
-            end[0][:, 0],
-            end[1][:, 0],
+        made = fill(
+            contender,
+            start,
+            end,
             gaps.root.shape[1] - 2,
-            style=list(asked[at : at + ROWS]),
-            seed=seed,
-            strength=strength,
+            styles=list(asked[at : at + ROWS]),
+            style_strength=strength,
         )
-        out.append(middle(*_with_keys(gaps, part, (root, planted(start, end, root, local, contacts)))))
+        out.append(middle(*_with_keys(gaps, part, made.motion)))
     return np.concatenate(out)
 
 

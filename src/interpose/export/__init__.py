@@ -1,7 +1,4 @@
-"""A training run to a model folder: its networks as ONNX, their weights in 8 bits, checked against torch.
-
-`model.json` tells what the model is; the format is described in docs/model-format.md.
-"""
+"""A training run to a model folder: its networks as ONNX, their weights in 8 bits, checked against torch."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from interpose.errors import InputError
-from interpose.export import dcmoe, detail, stitch, target
+from interpose.export import dcmoe, detail, planner, stitch, target
 from interpose.export.folder import check_place, licence
 from interpose.runtime import model_folder
 from interpose.train.common import checkpoint
@@ -45,10 +42,12 @@ def export(
         write = target.export if "completes" in config else dcmoe.export_backward
         write = detail.export if "refines" in config else write
         return write(saved, model_folder.load(onto), out, name)
-    if "experts" in config:
+    if "experts" in config and "stitch" not in config:
         return dcmoe.export(saved, out, name, metrics)
     if "stitch" in config:
         return stitch.export(saved, out, name, metrics)
+    if "displacement" in config:
+        return planner.export(saved, out, name, metrics)
     raise InputError(
-        f"{run_dir}: no checkpoint of a model is there; give a folder of 'interpose train dcmoe' or stitch"
+        f"{run_dir}: no checkpoint of a model is there; give a run of 'interpose train plan, dcmoe or stitch'"
     )

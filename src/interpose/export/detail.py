@@ -14,11 +14,8 @@ from interpose.export import folder, onnx_file
 from interpose.models.detail_transformer import DetailTransformer
 from interpose.runtime.model_folder import Session
 from interpose.train.common import checkpoint
-from interpose.train.stitch.detail import size_of
-
-TOLERANCE = 2e-3
-TOLERANCE_STORED = 0.3
-"""As in `interpose.export.dcmoe`."""
+from interpose.train.common.config import from_plain
+from interpose.train.stitch.detail import DetailConfig
 
 
 class Refine(nn.Module):
@@ -42,7 +39,7 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
     def fill(made: Path) -> dict[str, Any]:
         names = ["refined_hips", "refined_rotations", "refined_contacts"]
         file = made / "detail.onnx"
-        apart = onnx_file.write(Refine(model), file, example, names, TOLERANCE, TOLERANCE_STORED, frames=True)
+        apart = onnx_file.write(Refine(model), file, example, names, frames=True)
         return {"detail": {"steps": saved["step"], "refines": saved["config"]["refines"], "difference": apart}}
 
     return folder.complete(onto, out, name, "stitch", fill)
@@ -50,7 +47,7 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
 
 def model_of(saved: Mapping[str, Any]) -> DetailTransformer:
     """The network of a checkpoint, ready to run."""
-    model = DetailTransformer(size_of(saved["config"]))
+    model = DetailTransformer(from_plain(DetailConfig, saved["config"]).size)
     checkpoint.average_into(model, saved)
     return model
 

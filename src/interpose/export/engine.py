@@ -1,13 +1,11 @@
 """The graphs that an engine needs beside the step, so that it hands over and gets plain world values (docs/engine.md).
 
-`begin.onnx` makes the state of a pose, `aim.onnx` the target and the base along which the steps lead (docs/method.md,
-D1), `pose.onnx` the pose to show: world quaternions, and what changes of course took from the velocity fades (`fading`
-in `interpose.runtime`). They have no weights of their own, but for the planner's in `aim.onnx` where a model has one.
+`begin.onnx` makes the state of a pose, `aim.onnx` the target and the interpolation base, to which `plan.onnx` adds the
+plan, `pose.onnx` the pose to show: world quaternions, in which a change of target fades in. They have no weights.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar
@@ -18,20 +16,15 @@ from torch import Tensor, nn
 from interpose.export import onnx_file
 from interpose.features import CHANNELS, HISTORY, JOINTS, RATE, SIDE_KEYS, state_shapes
 from interpose.models.geometry import PARENTS, facing, joint_positions, to_matrix, to_six
-from interpose.models.planner import Ends, GapPlan
 from interpose.runtime.streaming.fading import FADE
-from interpose.skeleton import HUMANOID, MIRROR
-from interpose.stitch_layout import ANCHORS, LONGEST_PLAN, PIECES
+from interpose.skeleton import HUMANOID
 
-TOLERANCE = 1e-3
-POSE = 3 + JOINTS * 6
 PARTS = 1 + JOINTS
 FADING = {"offset": (PARTS, 3), "offset_speed": (PARTS, 3), "offset_left": (1,)}
 PAST = {"past_hips": (2, 3), "past_rotations": (2, JOINTS, 6)}
 """What `pose.onnx` carries from frame to frame: the network's last two poses, and the offsets from them."""
 QUATERNIONS = (JOINTS, 4)
 ROTATIONS = (JOINTS, 6)
-_FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 
 def _levels() -> list[list[int]]:
@@ -45,7 +38,7 @@ _LEVELS = _levels()
 _ORDER = [joint for level in _LEVELS for joint in level]
 
 
-class Begin(nn.Module):
+class BeginGraph(nn.Module):
     """A pose, and where it is known that of the frame before it, to the tensors that the other graphs carry."""
 
     inputs: ClassVar[dict[str, tuple[int, ...]]] = {
@@ -82,22 +75,19 @@ class Begin(nn.Module):
         return (*state, path, *past, *fading)
 
 
-class Aim(nn.Module):
-    """The present state, a target and the frames to it, to the target as the step takes it and the base at the frames
-    ``at`` that are gone. With a planner its anchors are added, carried onto the frames by their spline."""
+class AimGraph(nn.Module):
+    """The present pose, a goal and the frames to it, to the target as step and plan take it and the interpolation base
+    at the frames ``at``, counted from the present one."""
 
+    inputs: ClassVar[dict[str, tuple[int, ...]]] = {
+        "hips": (3,),
+        "rotations": ROTATIONS,
+        "goal_hips": (3,),
+        "goal_quaternions": QUATERNIONS,
+        "frames": (1,),
+        "at": (5,),
+    }
     outputs = ("target_hips", "target_rotations", "target_positions", "bases")
-
-    def __init__(self, planner: GapPlan | None = None) -> None:
-        super().__init__()
-        self.planner = planner
-        self.inputs: dict[str, tuple[int, ...]] = {"hips": (3,), "rotations": ROTATIONS}
-        if planner is not None:
-            start = {"positions": (JOINTS, 3), "velocities": (JOINTS, 3), "velocity_known": (1,)}
-            self.inputs |= start | {"style": (planner.size.styles + 1,)}
-        self.inputs |= {"goal_hips": (3,), "goal_quaternions": QUATERNIONS, "frames": (1,), "at": (5,)}
-        pieces = torch.tensor(PIECES, dtype=torch.float32)
-        self.register_buffer("pieces", pieces.permute(1, 0, 2).contiguous(), persistent=False)
 
     def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         given = dict(zip(self.inputs, tensors, strict=True))
@@ -108,61 +98,14 @@ class Aim(nn.Module):
         local = start[:, None] @ _exp(part[:, :, None, None] * turn[:, None])
         hips = given["hips"][:, None] + part[..., None] * (given["goal_hips"] - given["hips"])[:, None]
         bases = torch.cat([hips, to_six(_world(local)).flatten(2)], dim=-1)
-        target = given["goal_hips"] * 1.0, to_six(there), joint_positions(given["goal_hips"], there)
-        if self.planner is not None:
-            bases = bases + self._spread(part) @ self._added(self.planner, given, target)
-        return (*target, bases)
-
-    def _spread(self, part: Tensor) -> Tensor:
-        """The anchors' weights at those parts of the way, (batch, time, anchor): `interpose.stitch_layout.spread`."""
-        pieces: Tensor = self.get_buffer("pieces")
-        count = ANCHORS + 1
-        index = (part * count).floor().clamp(max=count - 1.0)
-        since = part - index / count
-        powers = torch.stack([since**3, since**2, since, since**0], dim=-1)
-        weights = (powers[..., None] * pieces[index.long()]).sum(dim=-2)
-        return weights * ((part > 0.0) & (part < 1.0))[..., None]
-
-    @staticmethod
-    def _added(planner: GapPlan, given: dict[str, Tensor], target: Sequence[Tensor]) -> Tensor:
-        """The likeliest plan, the mean of it and of its mirror image's: `interpose.runtime.planner.plan`."""
-        hips, rotations, positions = target
-        steps = given["frames"]
-        nil = torch.zeros_like
-        ends = Ends(
-            given["hips"],
-            given["rotations"],
-            given["positions"],
-            given["velocities"] * given["velocity_known"][..., None],
-            given["velocity_known"],
-            hips,
-            rotations,
-            positions,
-            nil(positions),
-            nil(steps),
-            steps,
-            given["style"],
-            steps.new_zeros(steps.shape[0], ANCHORS, 4),
-            nil(steps),
-        )
-        added = [planner_says(planner, ends)]
-        mirrored = planner_says(planner, Ends(*(_mirror(n, x) for n, x in zip(Ends._fields, ends, strict=True))))
-        turned = _mirror("rotations", mirrored[..., 3:].unflatten(-1, (JOINTS, 6))).flatten(2)
-        added.append(torch.cat([_mirror("hips", mirrored[..., :3]), turned], dim=-1))
-        return 0.5 * (added[0] + added[1]) * (steps <= LONGEST_PLAN)[..., None]
+        return given["goal_hips"] * 1.0, to_six(there), joint_positions(given["goal_hips"], there), bases
 
 
-def planner_says(planner: GapPlan, ends: Ends) -> Tensor:
-    """What the likeliest plan adds at the anchors."""
-    x, frame = planner(ends)
-    return planner.decode(x, frame, planner.expect(x).mean)
-
-
-class Pose(nn.Module):
+class PoseGraph(nn.Module):
     """The step's pose to the pose to show, in world quaternions and joint positions.
 
-    change: 0 where the course is as it was; 1 where it has changed, and ``former`` is the pose that a step of the same
-    state on the former course gives; 2 where a target was reached in the frame before, or begins a start whose
+    change: 0 where the target is as it was; 1 where it has changed, and ``former`` is the pose that a step of the same
+    state towards the former target gives; 2 where a target was reached in the frame before, or begins a start whose
     frame before is known: then the last velocity goes on. frames_left: as the step was given it.
     """
 
@@ -211,22 +154,21 @@ class Pose(nn.Module):
         return (hips, _quaternion(world), joint_positions(hips, world), *kept, offset, speed, left)
 
 
-def write_engine(folder: Path, planner: GapPlan | None = None) -> dict[str, float]:
+GRAPHS = {"begin": BeginGraph, "aim": AimGraph, "pose": PoseGraph}
+
+
+def write_engine(folder: Path) -> dict[str, float]:
     """Writes `begin.onnx`, `aim.onnx` and `pose.onnx` into a model folder; the largest difference of each from torch.
 
-    ``planner``: the model's, where it has one. Raises InputError where a difference is too large.
+    Raises InputError where a difference is too large.
     """
-    graphs: dict[str, Begin | Aim | Pose] = {"begin": Begin(), "aim": Aim(planner), "pose": Pose()}
     differences = {}
-    for name, graph in graphs.items():
+    for name, kind in GRAPHS.items():
 
-        def inputs(batch: int, seed: int, shapes: dict[str, tuple[int, ...]] = graph.inputs) -> dict[str, Tensor]:
+        def inputs(batch: int, seed: int, shapes: dict[str, tuple[int, ...]] = kind.inputs) -> dict[str, Tensor]:
             return example(shapes, batch, seed)
 
-        stored = 1.0 if planner is not None and name == "aim" else TOLERANCE
-        written = onnx_file.write(
-            graph, folder / f"{name}.onnx", inputs, graph.outputs, TOLERANCE, stored, frames=("at",)
-        )
+        written = onnx_file.write(kind(), folder / f"{name}.onnx", inputs, kind.outputs, frames=("at",))
         differences[name] = written["as_stored"]
     return differences
 
@@ -244,9 +186,6 @@ def example(shapes: dict[str, tuple[int, ...]], batch: int, seed: int) -> dict[s
     flags = {"before_known": rows % 2, "velocity_known": rows % 2, "change": rows % 3, "frames_left": 1 + 5 * rows}
     flags |= {"frames": 8 + rows, "at": torch.arange(5 + seed % 3) + rows, "offset_left": rows}
     out |= {name: value.float() for name, value in flags.items() if name in out}
-    if "style" in out:
-        count = out["style"].shape[1]
-        out["style"] = nn.functional.one_hot(rows[:, 0] % count, count).float()
     return out
 
 
@@ -262,22 +201,23 @@ def _matrix(q: Tensor) -> Tensor:
 
 
 def _quaternion(m: Tensor) -> Tensor:
-    """Unit quaternions (x, y, z, w) of rotation matrices, w not negative: of four ways the one that divides by most."""
+    """Unit quaternions (x, y, z, w) of rotation matrices, w not negative: of four forms the one that divides by
+    most."""
     a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     squares = torch.stack([1.0 + a - b - c, 1.0 - a + b - c, 1.0 - a - b + c, 1.0 + a + b + c], dim=-1)
     xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
     xw, yw, zw = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
     x, y, z, w = squares.unbind(-1)
-    ways = [
+    forms = [
         torch.stack([x, xy, xz, xw], dim=-1),
         torch.stack([xy, y, yz, yw], dim=-1),
         torch.stack([xz, yz, z, zw], dim=-1),
         torch.stack([xw, yw, zw, w], dim=-1),
     ]
-    out = ways[0]
+    out = forms[0]
     most = x
-    for square, way in ((y, ways[1]), (z, ways[2]), (w, ways[3])):
-        out = torch.where((square > most)[..., None], way, out)
+    for square, form in ((y, forms[1]), (z, forms[2]), (w, forms[3])):
+        out = torch.where((square > most)[..., None], form, out)
         most = torch.maximum(most, square)
     out = out / out.norm(dim=-1, keepdim=True)
     return torch.where(out[..., 3:] < 0.0, -out, out)
@@ -316,15 +256,3 @@ def _velocity(before: tuple[Tensor, Tensor], after: tuple[Tensor, Tensor]) -> Te
     """From each pose to the next, (batch, part, 3): `interpose.runtime.streaming.fading.velocity`."""
     turn = _log(_quaternion(before[1].transpose(-1, -2) @ after[1]))
     return torch.cat([(after[0] - before[0])[:, None], turn], dim=1)
-
-
-def _mirror(name: str, value: Tensor) -> Tensor:
-    """An input of the plan in a mirror at x = 0: `interpose.runtime.planner.mirrored`."""
-    kind = name.rpartition("_")[2]
-    if kind == "hips":
-        return value * _FLIP
-    if kind in ("positions", "velocities"):
-        return value[..., MIRROR, :] * _FLIP
-    if kind == "rotations":
-        return value[..., MIRROR, :] * torch.cat([-_FLIP, _FLIP])
-    return value * torch.tensor([-1.0, 1.0, -1.0, 1.0]) if name == "path" else value

@@ -21,32 +21,32 @@ from interpose.runtime.model_folder import FORMAT, Session
 from interpose.skeleton import HUMANOID
 
 Fill = Callable[[Path], Mapping[str, Any]]
-"""Writes a model's files into a folder and says what `model.json` tells of them."""
+"""Writes a model's files into a folder; what `model.json` has of them."""
 
 
 def check_place(out: Path) -> None:
-    """Raises InputError where ``out`` is there and is no model folder."""
+    """Raises InputError where ``out`` exists and is not a model folder."""
     if out.exists() and not (out / "model.json").exists():
-        raise InputError(f"{out} is there and is no model folder; give another name")
+        raise InputError(f"{out} exists but is not a model folder; give another name")
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a model is told to be: its name (by default the folder's), its method, and what it scored."""
+class Identity:
+    """A model's name (by default the folder's), its method, and its scores."""
 
     name: str | None
     method: str
     metrics: dict[str, Any]
 
 
-def write(out: Path, saved: Mapping[str, Any], told: Told, model: nn.Module, fill: Fill) -> Path:
+def write(out: Path, saved: Mapping[str, Any], identity: Identity, model: nn.Module, fill: Fill) -> Path:
     """Writes the folder ``out``; whole or not at all. ``saved``: the checkpoint that the model is from."""
     check_place(out)
     config = saved["config"]
     info = {
         "format": FORMAT,
-        "name": told.name or out.name,
-        "method": told.method,
+        "name": identity.name or out.name,
+        "method": identity.method,
         "version": "0.1.0",
         "made": date.today().isoformat(),
         "preset": config["preset"],
@@ -61,8 +61,8 @@ def write(out: Path, saved: Mapping[str, Any], told: Told, model: nn.Module, fil
         "parameters": sum(p.numel() for p in model.parameters()),
         "training_data": [" ".join(word[:12] for word in name.split()) for name in config["databases"]],
         "licence": licence(config["licence"]),
-        "training": {k: v for k, v in config.items() if k not in ("styles", "databases", "licence", "preset")},
-        "metrics": told.metrics,
+        "training": config,
+        "metrics": identity.metrics,
     }
     return _placed(out, info, fill)
 
@@ -87,8 +87,8 @@ def _placed(out: Path, info: dict[str, Any], fill: Fill) -> Path:
     with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}.") as folder:
         made = Path(folder) / "model"
         made.mkdir()
-        told = info | dict(fill(made))
-        (made / "model.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        whole = info | dict(fill(made))
+        (made / "model.json").write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
         if out.exists():
             shutil.rmtree(out)
         made.replace(out)

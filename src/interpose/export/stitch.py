@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from interpose import stitch_layout
-from interpose.export import folder, onnx_file, planner
-from interpose.models.planner import LONGEST
+from interpose.export import folder, onnx_file
+from interpose.export.planner import write_plan
+from interpose.features import stitch
+from interpose.features.plan import LONGEST_PLAN_STEPS
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Generator, Latent, Memory
 from interpose.train.stitch.recipe import model_of
@@ -20,8 +21,8 @@ from interpose.train.stitch.recipe import model_of
 MADE = ("hips", "rotations", "positions", "velocities", "contacts", "phase")
 
 
-class Step(nn.Module):
-    """One step of a generator with flat inputs and outputs, in the order of `interpose.stitch_layout`."""
+class GeneratorGraph(nn.Module):
+    """One step of a generator with flat inputs and outputs, in the order of `interpose.features.stitch`."""
 
     def __init__(self, generator: Generator) -> None:
         super().__init__()
@@ -46,10 +47,10 @@ def export(
     """Writes the model folder ``out`` of a checkpoint."""
     model = model_of(saved)
     config, size = saved["config"], model.size
-    network = {k: v for k, v in config["size"].items() if k != "plan"} | {"plan": config["size"]["plan"]}
+    network = {k: v for k, v in config["size"].items() if k != "plan"}
 
     def fill(made: Path) -> dict[str, Any]:
-        wanted = stitch_layout.network_shapes(network, size.styles)
+        wanted = stitch.network_shapes(network, size.styles)
         outputs = [f"next_{name}" for name in (*MADE, *Memory._fields)]
         difference = {}
         for each, generator in (("front", model.front), ("back", model.back)):
@@ -58,20 +59,18 @@ def export(
                 return onnx_file.example(shapes, batch, seed)
 
             file = made / f"{each}.onnx"
-            step = Step(generator)
-            difference[each] = onnx_file.write(step, file, inputs, outputs, planner.TOLERANCE, planner.TOLERANCE_STORED)
-        if "plan" in wanted:
-            assert model.plan is not None
-            difference["plan"] = planner.write_plan(model.plan, made / "plan.onnx")
-        course = config["course"]
-        told: dict[str, Any] = {
+            graph = GeneratorGraph(generator)
+            difference[each] = onnx_file.write(graph, file, inputs, outputs)
+        info: dict[str, Any] = {
             "network": network,
-            "course": [course["buffer"], course["aligned"], course["both"]],
-            "limits": {"trained_frames_to_target": LONGEST},
+            "chains": config["chains"],
+            "limits": {"trained_frames_to_target": LONGEST_PLAN_STEPS},
             "difference_from_torch": difference,
         }
+        if model.plan is not None:
+            info["planner"] = write_plan(model.plan, made)
         if size.form == "paper":
-            told["mean_quaternions"] = np.round(model.mean_quaternions.numpy().astype(float), 6).tolist()
-        return told
+            info["mean_quaternions"] = np.round(model.mean_quaternions.numpy().astype(float), 6).tolist()
+        return info
 
-    return folder.write(out, saved, folder.Told(name, "stitch", dict(metrics or {})), model, fill)
+    return folder.write(out, saved, folder.Identity(name, "stitch", dict(metrics or {})), model, fill)

@@ -12,13 +12,9 @@ from torch import Tensor
 from interpose.errors import InputError
 from interpose.export import folder, onnx_file
 from interpose.features import JOINTS, target_shapes
-from interpose.models.target_pose import LONGEST, Complete, TargetPose
+from interpose.models.target_pose import LONGEST_TARGET_FRAMES, Complete, TargetPose
 from interpose.runtime.model_folder import Session
 from interpose.train.target.recipe import model_of
-
-TOLERANCE = 1e-3
-TOLERANCE_STORED = 0.3
-"""As in `interpose.export.dcmoe`."""
 
 
 def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
@@ -34,9 +30,9 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
         def inputs(batch: int, seed: int) -> dict[str, Tensor]:
             return example(model, batch, seed)
 
-        apart = onnx_file.write(Complete(model), file, inputs, names, TOLERANCE, TOLERANCE_STORED)
-        told = {"latent": model.size.latent, "hidden": model.size.hidden, "steps": saved["step"]}
-        return {"target": told | {"difference_from_torch": apart}}
+        apart = onnx_file.write(Complete(model), file, inputs, names)
+        size = {"latent": model.size.latent, "hidden": model.size.hidden, "steps": saved["step"]}
+        return {"target": size | {"difference_from_torch": apart}}
 
     return folder.complete(onto, out, name, "dcmoe", fill)
 
@@ -52,6 +48,6 @@ def example(model: TargetPose, batch: int, seed: int = 0) -> dict[str, Tensor]:
     out["joints"] = ((rows + torch.arange(JOINTS)) % 3 == 0).float()
     out["ground"] = (rows % 2).float()
     out["velocity_known"] = (rows % 2).float()
-    out["frames"] = torch.randint(1, LONGEST, (batch, 1), generator=generator).float()
+    out["frames"] = torch.randint(1, LONGEST_TARGET_FRAMES, (batch, 1), generator=generator).float()
     out["style"] = torch.nn.functional.one_hot(rows[:, 0] % (model.size.styles + 1), model.size.styles + 1).float()
     return out

@@ -36,14 +36,14 @@ from interpose.features import (
     JOINTS,
     KEY_STEP,
     KEYS,
-    LONGEST,
+    LONGEST_ARRIVAL,
     RATE,
     SIDE_KEYS,
     output_layout,
 )
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import ExpertLinear, sinusoids
-from interpose.models.planner import GapPlan, PlanSize
+from interpose.models.planner import Planner, PlannerSize
 
 BANK = 256
 """Phase windows kept with the model."""
@@ -53,7 +53,7 @@ ROTATION_SCALE = 0.08
 
 
 @dataclass(frozen=True)
-class Size:
+class DCMoESize:
     """The network's size; the defaults are the paper's (section 3.1). plan: of the planner, None for none."""
 
     experts: int = 16
@@ -61,7 +61,7 @@ class Size:
     gate: tuple[int, int] = (512, 128)
     absolute: bool = False
     styles: int = 0
-    plan: PlanSize | None = None
+    plan: PlannerSize | None = None
 
 
 class State(NamedTuple):
@@ -120,7 +120,7 @@ PAPER_INPUT = _paper_input()
 class Network(nn.Module):
     """Experts of three layers and the gate of three, SiLU between them (section 3.1)."""
 
-    def __init__(self, size: Size) -> None:
+    def __init__(self, size: DCMoESize) -> None:
         super().__init__()
         out = output_layout(size.absolute).width
         k, h = size.experts, size.hidden
@@ -154,13 +154,13 @@ class DCMoE(nn.Module):
     out_std: Tensor
     phase_bank: Tensor
 
-    def __init__(self, size: Size) -> None:
+    def __init__(self, size: DCMoESize) -> None:
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the network, in training only
         self.layout = output_layout(size.absolute)
         self.network = Network(size)
-        self.planner = None if size.plan is None else GapPlan(size.plan)
+        self.planner = None if size.plan is None else Planner(size.plan)
         self.style = nn.Linear(size.styles + 1, 256, bias=False)  # a lookup table that also takes mixed labels
         nn.init.normal_(self.style.weight)
         self.register_buffer("mean", torch.zeros(EXPERT_INPUT.width))
@@ -197,7 +197,7 @@ class DCMoE(nn.Module):
         vectors = (vectors @ frame).flatten(1)
         j = JOINTS * 3
         body, needed = vectors[:, : 7 * j], vectors[:, 7 * j :]  # (pose and target), (speed_needed and base_step)
-        time = torch.cat([k.clamp(max=LONGEST) / RATE, 1.0 / k], dim=-1)
+        time = torch.cat([k.clamp(max=LONGEST_ARRIVAL) / RATE, 1.0 / k], dim=-1)
         known = torch.cat([state.velocity_known, control.path_known], dim=-1)
         trajectory = self._trajectory(state, control, frame, origin)
         return torch.cat([body, trajectory, needed, time, known], dim=-1), led, frame, origin
@@ -226,7 +226,7 @@ class DCMoE(nn.Module):
         if mask is not None:
             x = x * mask
         phases = torch.cat([state.phase_past[:, ::KEY_STEP], state.phase_future], dim=1)
-        arrival = sinusoids(control.frames_left.clamp(max=LONGEST))
+        arrival = sinusoids(control.frames_left.clamp(max=LONGEST_ARRIVAL))
         condition = torch.cat([phases.flatten(1), self.style(control.style), arrival], dim=-1)
         if self.half_products:
             with torch.autocast(x.device.type, torch.bfloat16):

@@ -5,13 +5,13 @@ experts, phases and geometry are all inside, so that training, ONNX and the run 
 generator is the same network with weights of its own, on motion that runs backwards.
 
 Two forms (`interpose.models.stitch_forms`): ``paper`` is the letter, ``yaw`` what works (docs/method.md, S1 to S8). A
-latent is one for the whole gap (``gap``), from a :class:`~interpose.models.planner.GapPlan`, or one a frame
+latent is one for the whole gap (``gap``), from a :class:`~interpose.models.planner.Planner`, or one a frame
 (``frame``), from the generator's own encoder with latent interpolation (equations 1 and 2), as printed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,18 +22,19 @@ from torch.nn import functional as F
 
 from interpose.features import JOINTS
 from interpose.models.layers import Cell, ExpertLinear, sinusoids
-from interpose.models.planner import GapPlan, Normal, PlanSize, normal
+from interpose.models.normal import Normal, normal
+from interpose.models.planner import Planner, PlannerSize
 from interpose.models.stitch_forms import FORMS, Aim, Body
 
 PHASES = 4
 """A point on the circle for each foot's contacts (Starke et al. 2020), by its amplitude."""
-LONGEST = 50.0
+LONGEST_CHAIN = 50.0
 """Frames to arrival that the generators are trained for (section 4.3); more are seen as these."""
 STYLE = 16
 
 
 @dataclass(frozen=True)
-class Size:
+class StitchSize:
     """The networks' size and which parts they have; widths default to the paper's (section 4.1).
 
     encoder: hidden and output width of the three encoders. memory, decoder_memory: of the two LSTMs. hidden: of the
@@ -53,12 +54,9 @@ class Size:
     interpolated: bool = True
     recurrent: bool = True
     planned: bool = True
-    plan: PlanSize = field(default_factory=PlanSize)
-
-    @property
-    def styles(self) -> int:
-        """Labels, the free one not counted."""
-        return self.plan.styles
+    """whether the base is that of the planner's plan"""
+    styles: int = 0
+    plan: PlannerSize | None = None
 
 
 class Memory(NamedTuple):
@@ -100,7 +98,7 @@ def _encoder(wide: int, hidden: int, out: int) -> nn.Sequential:
 class Generator(nn.Module):
     """One of the two; see the module's text. Statistics of the features are buffers, set before training."""
 
-    def __init__(self, size: Size) -> None:
+    def __init__(self, size: StitchSize) -> None:
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the networks, in training only
@@ -158,7 +156,7 @@ class Generator(nn.Module):
         state = self.normalised("state", features.state)
         offset = self.normalised("offset", features.offset)
         target = self.normalised("target", features.target)
-        left = aim.left.clamp(max=LONGEST)
+        left = aim.left.clamp(max=LONGEST_CHAIN)
         with torch.autocast(state.device.type, torch.bfloat16, enabled=self.half_products):
             time = sinusoids(left, self.size.encoder[1])
             seen = self.state_encoder(state) + time
@@ -177,7 +175,7 @@ class Generator(nn.Module):
             wide = torch.cat([part.float() for part in parts], dim=-1)
             hidden, decoder = self.decoder_memory(wide, memory.decoder_hidden, memory.decoder_cell)
             phase = self.phases(state, body.phase)
-            gated = [phase] if self.size.form == "paper" else [phase, body.contacts, z, left / LONGEST]
+            gated = [phase] if self.size.form == "paper" else [phase, body.contacts, z, left / LONGEST_CHAIN]
             gate = torch.softmax(self.gate(torch.cat(gated, dim=-1)).float(), dim=-1)
             out = hidden
             for layer in self.experts[:-1]:
@@ -221,12 +219,12 @@ class StitchingCVAE(nn.Module):
 
     mean_quaternions: Tensor
 
-    def __init__(self, size: Size) -> None:
+    def __init__(self, size: StitchSize) -> None:
         super().__init__()
         self.size = size
         self.front = Generator(size)
         self.back = Generator(size)
-        self.plan = GapPlan(size.plan) if size.latents == "gap" or size.planned else None
+        self.plan = None if size.plan is None else Planner(size.plan)
         self.register_buffer("mean_quaternions", torch.zeros(JOINTS, 4))  # whose signs the paper's form keeps
 
     def halve(self, on: bool) -> None:

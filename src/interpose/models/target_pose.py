@@ -16,27 +16,26 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from interpose.features import CONTACTS, JOINTS, RATE
+from interpose.features import CONTACTS, JOINTS, POSE, RATE
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import residual_mlp
-from interpose.models.planner import Normal, normal
+from interpose.models.normal import Normal, normal
 from interpose.skeleton import HUMANOID
 
-POSE = 3 + JOINTS * 6
-OUTPUT = POSE + len(CONTACTS)
-LONGEST = 300
+OUTPUT_WIDTH = POSE + len(CONTACTS)
+LONGEST_TARGET_FRAMES = 300
 """Frames to the target; more are seen as these."""
 TORSO = ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head")
 LEGS = ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
 TURNED_BY = [HUMANOID.index(name) for name in (*TORSO, *LEGS)]
 """Joints that tell which way the target faces, the surest first; where none of them is given it is the start's way."""
-INPUT = 2 * JOINTS * 9 + JOINTS * 3 + 1 + JOINTS + 2 + 2 + 2 + 2 + 3
+INPUT_WIDTH = 2 * JOINTS * 9 + JOINTS * 3 + 1 + JOINTS + 2 + 2 + 2 + 2 + 3
 """Numbers of the input that are normalised: start, its velocities and their flag, what is given, its flags, where the
 start lies and looks, the speed needed, the time."""
 
 
 @dataclass(frozen=True)
-class Size:
+class TargetSize:
     """The network's size. styles: the labels it knows; label 0 is 'free'."""
 
     latent: int = 8
@@ -46,7 +45,7 @@ class Size:
     styles: int = 0
 
 
-class Asked(NamedTuple):
+class TargetInput(NamedTuple):
     """What is known, a batch axis first; world frame, metres, seconds.
 
     start: hips, rotations as 6-D, joint velocities, and 1 where those are known (otherwise nil). target: any pose with
@@ -96,55 +95,55 @@ class TargetPose(nn.Module):
     std: Tensor
     residual_std: Tensor
 
-    def __init__(self, size: Size) -> None:
+    def __init__(self, size: TargetSize) -> None:
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the networks, in training only
-        wide = INPUT + 32
+        wide = INPUT_WIDTH + 32
         self.style = nn.Linear(size.styles + 1, 32, bias=False)
         self.posterior = residual_mlp(wide + POSE, size.hidden, 2 * size.latent, 2)
-        self.decoder = residual_mlp(wide + size.latent, size.hidden, OUTPUT, size.depth, size.dropout)
-        self.register_buffer("mean", torch.zeros(INPUT))
-        self.register_buffer("std", torch.ones(INPUT))
+        self.decoder = residual_mlp(wide + size.latent, size.hidden, OUTPUT_WIDTH, size.depth, size.dropout)
+        self.register_buffer("mean", torch.zeros(INPUT_WIDTH))
+        self.register_buffer("std", torch.ones(INPUT_WIDTH))
         self.register_buffer("residual_std", torch.ones(POSE))
 
-    def numbers(self, asked: Asked) -> tuple[Float[Tensor, "batch wide"], Place]:
+    def numbers(self, known: TargetInput) -> tuple[Float[Tensor, "batch wide"], Place]:
         """What is normalised of the input, and the frame in which it is said."""
-        batch = asked.start_hips.shape[0]
-        start, target = to_matrix(asked.start_rotations), to_matrix(asked.target_rotations)
-        here, there = joint_positions(asked.start_hips, start), joint_positions(asked.target_hips, target)
+        batch = known.start_hips.shape[0]
+        start, target = to_matrix(known.start_rotations), to_matrix(known.target_rotations)
+        here, there = joint_positions(known.start_hips, start), joint_positions(known.target_hips, target)
         flat = _FLAT.to(here)
         looks = facing(start[:, 0])
         # The given part's place: the hips' where they are given, else the middle of the joints that are.
-        rooted = torch.maximum(asked.ground, asked.joints[:, :1])
-        share = asked.joints / asked.joints.sum(dim=-1, keepdim=True).clamp_min(1.0)
+        rooted = torch.maximum(known.ground, known.joints[:, :1])
+        share = known.joints / known.joints.sum(dim=-1, keepdim=True).clamp_min(1.0)
         middle = (there * share[..., None]).sum(dim=1)
         origin = torch.where(rooted > 0.5, there[:, 0], middle) * flat
         # Its facing: that of the surest joint.
-        sure = torch.cat([rooted, asked.joints[:, TURNED_BY[1:]]], dim=-1)
+        sure = torch.cat([rooted, known.joints[:, TURNED_BY[1:]]], dim=-1)
         first = sure * (torch.cumsum(sure, dim=-1) < 1.5).to(sure)
         turned = (facing(target[:, TURNED_BY]) * first[..., None]).sum(dim=1)
         turned = turned + (1.0 - first.sum(dim=-1, keepdim=True)) * looks
         own, frame = root_frame(looks), root_frame(turned)
         ground = frame[:, ::2, ::2]
 
-        begin = asked.start_hips * flat
-        rotations = asked.start_rotations.reshape(batch, -1, 3) @ own
-        given = asked.joints[..., None]
+        begin = known.start_hips * flat
+        rotations = known.start_rotations.reshape(batch, -1, 3) @ own
+        given = known.joints[..., None]
         seen_position = ((there - origin[:, None]) @ frame) * given
-        seen_rotation = (asked.target_rotations.reshape(batch, -1, 3) @ frame).reshape(batch, JOINTS, 6) * given
+        seen_rotation = (known.target_rotations.reshape(batch, -1, 3) @ frame).reshape(batch, JOINTS, 6) * given
         away = ((begin - origin)[:, None] @ frame)[:, 0, ::2]
-        frames = asked.frames.clamp(1.0, float(LONGEST))
+        frames = known.frames.clamp(1.0, float(LONGEST_TARGET_FRAMES))
         x = torch.cat(
             [
                 ((here - begin[:, None]) @ own).flatten(1),
                 rotations.flatten(1),
-                (asked.start_velocities @ own).flatten(1),
-                asked.velocity_known,
+                (known.start_velocities @ own).flatten(1),
+                known.velocity_known,
                 seen_position.flatten(1),
                 seen_rotation.flatten(1),
-                asked.joints,
-                asked.ground,
+                known.joints,
+                known.ground,
                 first.sum(dim=-1, keepdim=True),
                 away,
                 (looks[:, None] @ ground)[:, 0],
@@ -155,26 +154,26 @@ class TargetPose(nn.Module):
             ],
             dim=-1,
         )
-        hips = asked.start_hips * torch.tensor([0.0, 1.0, 0.0]).to(here)
+        hips = known.start_hips * torch.tensor([0.0, 1.0, 0.0]).to(here)
         return x, Place(origin, frame, hips, rotations.reshape(batch, JOINTS, 6))
 
-    def forward(self, asked: Asked) -> tuple[Float[Tensor, "batch wide"], Place]:
+    def forward(self, known: TargetInput) -> tuple[Float[Tensor, "batch wide"], Place]:
         """The networks' input, and the frame in which they speak."""
-        x, place = self.numbers(asked)
+        x, place = self.numbers(known)
         x = ((x - self.mean) / self.std).clamp(-6.0, 6.0)
-        return torch.cat([x, self.style(asked.style)], dim=-1), place
+        return torch.cat([x, self.style(known.style)], dim=-1), place
 
-    def recognise(self, x: Float[Tensor, "batch wide"], place: Place, asked: Asked) -> Normal:
-        """The posterior q(z | the same, the true target): that of ``asked``, all of it."""
-        true = residual(place, asked) / self.residual_std
+    def recognise(self, x: Float[Tensor, "batch wide"], place: Place, known: TargetInput) -> Normal:
+        """The posterior q(z | the same, the true target): that of ``known``, all of it."""
+        true = residual(place, known) / self.residual_std
         return normal(self._say(self.posterior, torch.cat([x, true.clamp(-6.0, 6.0)], dim=-1)))
 
     def decode(
-        self, x: Float[Tensor, "batch wide"], place: Place, asked: Asked, z: Float[Tensor, "batch unit"]
+        self, x: Float[Tensor, "batch wide"], place: Place, known: TargetInput, z: Float[Tensor, "batch unit"]
     ) -> Completed:
         """The whole pose: given joints are turned as they should be, given hips are where they should be."""
         out = self._say(self.decoder, torch.cat([x, z], dim=-1))
-        hips, rotations = posed(place, asked, out[:, :POSE] * self.residual_std)
+        hips, rotations = posed(place, known, out[:, :POSE] * self.residual_std)
         return Completed(hips, rotations, out[:, POSE:])
 
     def _say(self, network: nn.Module, x: Float[Tensor, "batch wide"]) -> Float[Tensor, "batch out"]:
@@ -183,24 +182,24 @@ class TargetPose(nn.Module):
 
 
 def posed(
-    place: Place, asked: Asked, added: Float[Tensor, "batch pose"]
+    place: Place, known: TargetInput, added: Float[Tensor, "batch pose"]
 ) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch joint 3 3"]]:
     """Hips and rotations of the start pose carried along with so much added, the given parts as they are given."""
-    batch = asked.start_hips.shape[0]
+    batch = known.start_hips.shape[0]
     back = place.frame.transpose(-1, -2)
     six = place.rotations + added[:, 3:].reshape(batch, JOINTS, 6)
     free = to_matrix((six.reshape(batch, -1, 3) @ back).reshape(batch, JOINTS, 6))
     hips = ((place.hips + added[:, :3])[:, None] @ back)[:, 0] + place.origin
-    hips = torch.where(asked.joints[:, :1] > 0.5, asked.target_hips, hips)
+    hips = torch.where(known.joints[:, :1] > 0.5, known.target_hips, hips)
     level = torch.cat([place.origin[:, :1], hips[:, 1:2], place.origin[:, 2:]], dim=-1)
-    hips = torch.where(asked.ground > 0.5, level, hips)
-    return hips, torch.where(asked.joints[..., None, None] > 0.5, to_matrix(asked.target_rotations), free)
+    hips = torch.where(known.ground > 0.5, level, hips)
+    return hips, torch.where(known.joints[..., None, None] > 0.5, to_matrix(known.target_rotations), free)
 
 
-def residual(place: Place, asked: Asked) -> Float[Tensor, "batch pose"]:
-    """What the target of ``asked`` differs by from the start pose carried there: hips in metres, then 6-D."""
-    hips = ((asked.target_hips - place.origin)[:, None] @ place.frame)[:, 0] - place.hips
-    turned = (asked.target_rotations.reshape(hips.shape[0], -1, 3) @ place.frame).flatten(1)
+def residual(place: Place, known: TargetInput) -> Float[Tensor, "batch pose"]:
+    """What the target of ``known`` differs by from the start pose carried there: hips in metres, then 6-D."""
+    hips = ((known.target_hips - place.origin)[:, None] @ place.frame)[:, 0] - place.hips
+    turned = (known.target_rotations.reshape(hips.shape[0], -1, 3) @ place.frame).flatten(1)
     return torch.cat([hips, turned - place.rotations.flatten(1)], dim=-1)
 
 
@@ -212,7 +211,7 @@ class Complete(nn.Module):
         self.model = model
 
     def forward(self, *tensors: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        asked = Asked(*tensors[:-1])
-        x, place = self.model(asked)
-        made = self.model.decode(x, place, asked, tensors[-1])
+        known = TargetInput(*tensors[:-1])
+        x, place = self.model(known)
+        made = self.model.decode(x, place, known, tensors[-1])
         return made.hips, to_six(made.rotations), made.contacts.sigmoid()

@@ -1,9 +1,7 @@
-"""One gap, or all gaps of a clip, on the user's own rig: candidates, the best first, and what is told of each.
+"""One gap, or all gaps of a clip, on the user's own rig: candidates, the best first, and information on each.
 
-How a model's transition is made is in `transition`. The roll-out arrives at the target by construction (docs/method.md,
-D1), and all that follows leaves both ends alone. The arrival errors of :class:`Info` measure what is left in the end:
-the transition is made with its two ends, which take the same way as the frames between them, and its last frame is
-held against the target key: the largest distance of a joint, and the largest angle between global rotations of a joint.
+Transitions arrive at the target by construction. The arrival errors of :class:`Info` measure what is left in the end:
+the largest distance of a joint, and the largest angle between its global rotations, of the last frame from the target.
 """
 
 from __future__ import annotations
@@ -22,17 +20,16 @@ from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
 from interpose.parts import Parts
 from interpose.runtime import guidance, target_parts
-from interpose.runtime.guidance import Gap, Plan
+from interpose.runtime.guidance import Gap, Guidance
+from interpose.runtime.info import Info, SpeedOption, SuggestedDuration
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.ranking import apart, judge
-from interpose.runtime.request import Alternative, Info, Request, Suggested
+from interpose.runtime.request import Request
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, user_frames
-from interpose.runtime.transition import Made, generate
+from interpose.runtime.transition import Transition, generate
 
-LONGEST_MODEL_GAP = 601
-"""Steps of the model from start to target, at most: twenty seconds at any rate, 600 frames at 30 Hz."""
 STRAYED = 0.25
-"""Metres from its path on average from which on it is told that the root does not keep to it."""
+"""Metres from its path on average from which on a warning says so."""
 MISFIT = 0.25
 """What a path that fits badly costs: centimetres of foot slide for each factor e of its fit."""
 
@@ -51,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Filled:
-    """A clip with all its gaps filled, and what is told of each gap.
+    """A clip with all its gaps filled, and information on each gap.
 
     kept: for each frame of the clip that was kept, where it is now and where it was.
     """
@@ -84,7 +81,8 @@ def inbetween(
     """
     check_gap(start, target, 1 if frames is None else frames)
     if frames is not None and request.speed is not None:
-        raise InputError(f"speed '{request.speed}' and {frames} frames were both asked for; give one of them")
+        raise InputError(f"speed '{request.speed}' and {frames} frames contradict each other; give one of them")
+    _check_gallery(request, timed=frames is not None)
     mapping = mapping_of(start) if mapping is None else mapping
     if request.parts is None or request.parts.whole:
         found = _transitions([start] * variants, target, frames, request, mapping, names)
@@ -96,20 +94,20 @@ def inbetween(
 
 def suggest(
     start: Motion, target: Motion, request: Request, *, mapping: retarget.Mapping | str | None = None
-) -> Suggested:
+) -> SuggestedDuration:
     """How many frames the gap from ``start``'s last to ``target``'s first frame should take, and the alternatives.
 
     Raises InputError where it is not known: the rig is no humanoid, there is no gallery, or it does not reach so far.
     """
     check_gap(start, target, 1)
     gap = gap_of(start, aligned(start, target)[1], mapping_of(start) if mapping is None else mapping)
-    return _suggested(_told(gap, request), start.rate)
+    return _in_frames(guidance.suggest_duration(request, gap), start.rate)
 
 
 def fill(
     clip: Motion, keys: Sequence[int], request: Request, *, variants: int = 1, retime: bool = False
 ) -> list[Filled]:
-    """``clip`` with all frames between its first and last key made anew, but for the keys; best first.
+    """``clip`` with all frames between its first and last key regenerated, but for the keys; best first.
 
     ``keys``: ascending frame numbers. What lies before a gap, known or just made, is its context, and known frames
     after it are arrived at with their velocity, so that the motion runs through a key without a stop. With ``retime``
@@ -125,8 +123,9 @@ def fill(
         )
     if request.parts is not None:
         raise InputError("the keys of a clip are kept whole; a target in part can be given between two poses only")
-    if request.lines is not None:
-        request.lines.check(pairs)
+    _check_gallery(request, timed=not retime)
+    if request.drawn is not None:
+        request.drawn.check(pairs)
     mapping = mapping_of(clip)
     rows = [[clip[: pairs[0][0] + 1]] for _ in range(variants)]
     kept = [dict(zip(range(pairs[0][0] + 1), range(pairs[0][0] + 1), strict=True)) for _ in range(variants)]
@@ -161,7 +160,7 @@ def gap_of(start: Motion, goal: Motion, mapping: retarget.Mapping | str) -> Gap:
     Raises InputError where the rig is no humanoid.
     """
     if isinstance(mapping, str):
-        raise InputError(f"how long this takes is not known: {mapping}; give a number of frames")
+        raise InputError(f"cannot suggest a duration: {mapping}; give a number of frames")
     ahead = np.minimum(np.arange(min(2, len(goal))) * goal.rate / MODEL_RATE, len(goal) - 1.0)
     known = retarget.to_humanoid(recent(start, CONTEXT), mapping), retarget.to_humanoid(sample(goal, ahead), mapping)
     return Gap(*(replace(motion, rate=MODEL_RATE) for motion in known))
@@ -179,11 +178,10 @@ def _to_parts(
 ) -> list[tuple[Candidate, float]]:
     """Candidates and their costs, each to an ending of its own that has the given ``parts`` of the target."""
     steps = None if frames is None else model_steps(frames, start.rate)
-    wish = target_parts.Wish(steps, request.style, request.strength, request.seed)
     begin, goal = aligned(start[-1], target[0])
     _check_finite(begin, goal)
     out = []
-    for i, end in enumerate(target_parts.complete(start, target, parts, request.session, mapping, wish, variants)):
+    for i, end in enumerate(target_parts.complete(start, target, parts, request, mapping, steps, variants)):
         assert isinstance(mapping, retarget.Mapping)
         each = replace(request, seed=request.seed + i)
         ((candidate, cost),) = _transitions(
@@ -213,65 +211,71 @@ def _transitions(
     """A candidate and its cost for each of ``starts``, which end in the same key; ``arrival``: its errors in a last
     pose, by default those of all joints."""
     began = time.perf_counter()
-    first, last = aligned(starts[0][-1], target[0])
-    _check_finite(first, last)
-    goal = aligned(starts[0], target)[1]
     rate = starts[0].rate
-    line = _line(request, names)
+    first, last = aligned(starts[0][-1], target[0])
+    goal = aligned(starts[0], target)[1]
+    _check_finite(first, last)
+    drawn = _drawn(request, names)
     gap = None if isinstance(mapping, str) else gap_of(starts[0], goal, mapping)
-    told = suggested = None
-    if frames is None and line is None:
-        told = _told(gap or gap_of(starts[0], goal, mapping), request)
-        suggested = _suggested(told, rate)
-    fallback = None
-    if request.method == "interp" and suggested is not None:
-        frames = _frames_at(suggested, request.speed)
-    elif request.method != "interp":
-        fallback = _why_not(starts[0], frames, request, mapping)
-    plans: list[Plan | None] = [None] * len(starts)
-    session = None if request.session is None else request.session.serving(request.method)
-    if session is None or gap is None or isinstance(mapping, str) or request.method == "interp" or fallback is not None:
-        if frames is None:  # a rig that is no humanoid, told of in the fallback
-            raise InputError(f"how long this takes is not known: {fallback}; give a number of frames")
+    suggestion = suggested = None
+    if frames is None and drawn is None:
+        suggestion = guidance.suggest_duration(request, gap or gap_of(starts[0], goal, mapping))
+        suggested = _in_frames(suggestion, rate)
+    fallback = None if request.abilities.any_rig else _why_not(frames, rate, request, mapping)
+    guided: list[Guidance | None] = [None] * len(starts)
+    if gap is None or isinstance(mapping, str) or request.abilities.any_rig or fallback is not None:
+        if frames is None and suggested is not None and fallback is None:
+            frames = _frames_at(suggested, request.speed)
+        if frames is None:
+            raise InputError(f"cannot suggest a duration: {fallback}; give a number of frames")
         sizes = [frames] * len(starts)
-        made = [Made(concatenate(first, interpolate(first, last, frames), last), None)] * len(starts)
+        made = [Transition(concatenate(first, interpolate(first, last, frames), last), None)] * len(starts)
     else:
         steps = None if frames is None else model_steps(frames, rate)
-        path = "drawn" if line is not None else "auto" if request.lines is not None else request.path
-        scaled = None if line is None else line.scaled(mapping.scale)
-        wish = guidance.Wish(steps, path, scaled, request.style, request.speed, request.seed, told, request.strength)
-        found = guidance.plans(session, request.trajectories, gap, wish, len(starts))
-        sizes = [user_frames(plan.steps, rate) if frames is None else frames for plan in found]
-        made = generate(starts, goal, sizes, found, session, mapping, request.seed, request.control, request.strength)
-        plans = [*found]
+        scaled = None if drawn is None else drawn.scaled(mapping.scale)
+        found = guidance.guide(request, gap, steps, len(starts), drawn=scaled, suggested=suggestion)
+        sizes = [user_frames(one.steps, rate) if frames is None else frames for one in found]
+        made = generate(starts, goal, sizes, found, request, mapping)
+        guided = [*found]
     seconds = time.perf_counter() - began
     slides, costs = judge(starts, [one.motion[1:-1] for one in made], target, mapping)
     out = []
-    for one, size, plan, slide, cost in zip(made, sizes, plans, slides, costs, strict=True):
+    for one, size, guide, slide, cost in zip(made, sizes, guided, slides, costs, strict=True):
         position, angle = apart(one.motion[-1], last) if arrival is None else arrival(one.motion[-1])
         info = Info(
             start=0 if names is None else names[0],
             target=size + 1 if names is None else names[1],
             frames=size,
-            method=request.method if plan is not None else "interp",
-            style=None if plan is None else plan.style,
+            method="interp" if guide is None else request.method,
+            model=None if guide is None or request.model is None else request.model.name,
+            style=None if guide is None else guide.style,
             path=request.path,
             seed=request.seed,
             arrival_position_error_m=round(position, 9),
             arrival_rotation_error_deg=round(angle, 6),
             foot_slide_cm_per_frame=_rounded(slide, 4),
             seconds=round(seconds, 6),
-            fallback=fallback if plan is None else plan.note or _strayed(one.deviation),
+            fallback=fallback if guide is None else guide.note or _strayed(one.deviation),
             speed=request.speed,
-            trajectory=None if plan is None else plan.trajectory,
+            trajectory=None if guide is None else guide.trajectory,
             path_deviation_m=_rounded(one.deviation, 5),
-            fit=None if plan is None else _rounded(plan.fit, 3),
+            fit=None if guide is None else _rounded(guide.fit, 3),
             suggested=suggested,
-            style_strength=request.strength,
+            style_strength=request.style_strength,
         )
-        misfit = 0.0 if plan is None or plan.fit is None else -MISFIT * float(np.log(plan.fit))
+        misfit = 0.0 if guide is None or guide.fit is None else -MISFIT * float(np.log(guide.fit))
         out.append((Candidate(one.motion[1:-1], info), cost + misfit))
     return out
+
+
+def _check_gallery(request: Request, timed: bool) -> None:
+    """Raise InputError where a gallery was given that nothing would use."""
+    unused = request.drawn is None and (request.path in ("straight", "none") or not request.abilities.paths)
+    if request.gallery is not None and timed and unused:
+        how = f"path '{request.path}'" if request.abilities.paths else f"method '{request.method}'"
+        raise InputError(
+            f"{how} with a given duration uses no gallery; leave out the gallery, or choose path 'gallery'"
+        )
 
 
 def _check_finite(*poses: Motion) -> None:
@@ -282,7 +286,7 @@ def _check_finite(*poses: Motion) -> None:
 
 
 def _strayed(deviation: float | None) -> str | None:
-    """What is told where the root does not keep to its path."""
+    """A warning where the root does not keep to its path."""
     if deviation is None or deviation <= STRAYED:
         return None
     return f"the root strays {deviation:.2f} m from its path on average; give more time, or a path nearer to the keys"
@@ -292,43 +296,36 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _line(request: Request, names: tuple[int | str, int | str] | None) -> DrawnPath | None:
-    """What was drawn for this gap."""
-    if request.lines is None:
+def _drawn(request: Request, names: tuple[int | str, int | str] | None) -> DrawnPath | None:
+    """The path that was drawn for this gap."""
+    if request.drawn is None:
         return None
     if names is not None and isinstance(names[0], int) and isinstance(names[1], int):
-        return request.lines.of(names[0], names[1])
-    return request.lines.whole
+        return request.drawn.of(names[0], names[1])
+    return request.drawn.whole
 
 
-def _told(gap: Gap, request: Request) -> Suggestion:
-    return guidance.suggestion(request.trajectories, gap, guidance.Wish(None, style=request.style, seed=request.seed))
-
-
-def _suggested(told: Suggestion, rate: float) -> Suggested:
+def _in_frames(suggestion: Suggestion, rate: float) -> SuggestedDuration:
     """The suggestion in frames of the user's rate."""
-    each = tuple(Alternative(g.speed, user_frames(g.steps, rate), round(g.fit, 3)) for g in told.groups)
-    return Suggested(user_frames(told.steps, rate), each)
+    each = tuple(SpeedOption(g.speed, user_frames(g.steps, rate), round(g.fit, 3)) for g in suggestion.groups)
+    return SuggestedDuration(user_frames(suggestion.steps, rate), each)
 
 
-def _frames_at(suggested: Suggested, speed: str | None) -> int:
+def _frames_at(suggested: SuggestedDuration, speed: str | None) -> int:
     """The frames of a speed, or the suggestion's own."""
     found = [each.frames for each in suggested.alternatives if each.speed == speed]
     return found[0] if found else suggested.frames
 
 
-def _why_not(start: Motion, frames: int | None, request: Request, mapping: retarget.Mapping | str) -> str | None:
-    """Why the model cannot serve this gap, in one phrase, or None where it can."""
-    assert request.session is not None
+def _why_not(frames: int | None, rate: float, request: Request, mapping: retarget.Mapping | str) -> str | None:
+    """Why the method cannot serve this gap, in one phrase, or None where it can."""
     if isinstance(mapping, str):
         return mapping
-    if request.method not in request.session.methods:
-        return f"the model '{request.session.name}' is for method {request.session.method}"
     if frames is None:
         return None
-    steps = model_steps(frames, start.rate)
-    if steps > LONGEST_MODEL_GAP:
-        return f"the gap is longer than {LONGEST_MODEL_GAP / MODEL_RATE:.0f} s"
+    steps, longest = model_steps(frames, rate), request.abilities.longest_steps
+    if longest is not None and steps > longest:
+        return f"the gap is longer than {(longest - 1) / MODEL_RATE:.3g} s, the most for method '{request.method}'"
     if steps == 1:
         return "the gap is shorter than two of the model's frames (1/15 s)"
     return None

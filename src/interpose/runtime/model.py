@@ -18,8 +18,9 @@ from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
+from interpose.runtime.info import SuggestedDuration
 from interpose.runtime.model_folder import Session, load
-from interpose.runtime.request import PATHS, Request, Suggested
+from interpose.runtime.request import PATHS, Request
 from interpose.runtime.streaming.stream import Stream
 from interpose.runtime.streaming.streams import Streams
 
@@ -46,6 +47,7 @@ class Model:
         target: Motion,
         frames: int | None = None,
         *,
+        method: str | None = None,
         style: str | None = None,
         speed: str | None = None,
         path: str | os.PathLike[str] | Sequence[Sequence[float]] | ndarray | None = None,
@@ -59,13 +61,12 @@ class Model:
     ) -> list[Candidate]:
         """``variants`` candidates for the ``frames`` frames between ``start`` and ``target``, best first.
 
-        Without ``frames`` the gallery says how long it takes, at ``speed`` (fast, medium or slow) where given. path:
-        None or "auto" (a trajectory of the gallery), "straight", "none" (the model's own), a file that ends in .json
-        (docs/paths.md), or points (x, z) on the ground in metres. gallery: in place of the model's own.
-        control: how much the path counts beside the way that the model foresees. style_strength: 0 as good as free, 1
-        as trained, up to 3 exaggerated. target_joints: what is given of ``target``, such as "hips" or "left-hand,feet"
-        (`interpose.parts.GROUPS`, joints of the 22, "ground"); the rest of it is free, and the whole pose that a
-        candidate leads to is its ``target``.
+        Without ``frames`` the gallery suggests a duration, at ``speed`` (fast, medium or slow) where given. method: one
+        that the model serves; its own where left out. path: None or "auto", "gallery", "straight", "none", a file that
+        ends in .json (docs/paths.md), or points (x, z) on the ground in metres. style, style_strength, gallery,
+        control: as in `interpose.runtime.request.Request`. target_joints: the parts of ``target`` that are given, such
+        as "hips" or "left-hand,feet" (`interpose.parts.GROUPS`, joints of the 22, "ground"); the rest of it is free,
+        and the whole pose that a candidate leads to is its ``target``.
 
         Any rig and rate; both poses share the rig. The last frame of ``start`` is the key, those before it are context.
         ``mapping``, of :func:`interpose.retarget.map_skeleton`, saves finding it again for every gap of a clip.
@@ -74,25 +75,25 @@ class Model:
         """
         if variants < 1:
             raise InputError(f"variants must be 1 or more, got {variants}")
-        named, lines = _path(path)
+        named, drawn = _path(path)
         request = Request(
-            self.session.method,
+            method or self.session.method,
             self.session,
             style,
-            named,
-            seed,
-            speed,
-            lines,
-            gallery,
-            control,
             style_strength,
+            named,
+            control,
+            drawn,
+            gallery,
+            speed,
+            seed,
             None if target_joints is None else parts.parse(target_joints),
         )
         return inbetween.inbetween(start, target, frames, request, variants=variants, mapping=mapping)
 
     def suggest(
         self, start: Motion, target: Motion, *, style: str | None = None, gallery: Gallery | None = None
-    ) -> Suggested:
+    ) -> SuggestedDuration:
         """How many frames the gap between ``start`` and ``target`` should take, and the alternatives.
 
         Raises InputError where it is not known: no humanoid, no gallery, or too far apart for it.

@@ -18,7 +18,8 @@ from interpose.gallery import store
 from interpose.gallery.tracks import Tracks, from_motions
 from interpose.io.files import write_whole
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import methods
+from interpose.runtime.gap_batch import batch_of
+from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.skeleton import HUMANOID
@@ -55,8 +56,8 @@ def add_gallery(
         "seed": seed,
     }
     store.save_small(made, info, session.path / "gallery.npz")
-    told = session.info | {"gallery": {**info, "styles": list(made.styles)}}
-    write_whole(session.path / "model.json", (json.dumps(told, indent=2) + "\n").encode())
+    info_with = session.info | {"gallery": {**info, "styles": list(made.styles)}}
+    write_whole(session.path / "model.json", (json.dumps(info_with, indent=2) + "\n").encode())
     return store.load(session.path / "gallery.npz")
 
 
@@ -86,17 +87,17 @@ def tracks(
         context = [made[row][-CONTEXT if turn else -1 :] for row in rows]
         target = [database.motion(keys[row][turn + 1], keys[row][turn + 1] + 1) for row in rows]
         gaps = [keys[row][turn + 1] - keys[row][turn] - 1 for row in rows]
-        new_root, new_local, _ = methods.generate_batch(
+        new = backend_of(session.method).generate(
             session,
-            np.stack([c.root_positions for c in context]),
-            np.stack([c.local_rotations for c in context]),
-            np.stack([t.root_positions[0] for t in target]),
-            np.stack([t.local_rotations[0] for t in target]),
-            gaps,
-            style=[styles[row] for row in rows],
+            batch_of(
+                (np.stack([c.root_positions for c in context]), np.stack([c.local_rotations for c in context])),
+                (np.stack([t.root_positions for t in target]), np.stack([t.local_rotations for t in target])),
+                gaps,
+                styles=[styles[row] for row in rows],
+            ),
         )
         for i, row in enumerate(rows):
-            gap = Motion(HUMANOID, new_root[i, : gaps[i]], new_local[i, : gaps[i]], MODEL_RATE)
+            gap = Motion(HUMANOID, new.root[i, : gaps[i]], new.local[i, : gaps[i]], MODEL_RATE)
             made[row] = concatenate(made[row], gap, target[i])
     progress(rounds, rounds)
     return from_motions([sample(motion, np.arange(len(motion) - 1) + 0.5) for motion in made], labels)

@@ -1,7 +1,4 @@
-"""What a planner foresees of a gap, on ONNX Runtime: poses at the anchors, as what they differ by from interpolation.
-
-Models of method stitch have one, and those of method dcmoe that were trained along one (docs/method.md, D26).
-"""
+"""The planner at run time: a gap's base, which interpolation and the plan's spline make together, and its latent."""
 
 from __future__ import annotations
 
@@ -11,30 +8,25 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.features import JOINTS
+from interpose.features.plan import ANCHORS
+from interpose.runtime.gap_batch import Draw, GapBatch
 from interpose.runtime.model_folder import Session
-from interpose.runtime.poses import Path, Pose
-from interpose.skeleton import MIRROR
-from interpose.stitch_layout import ANCHORS
+from interpose.runtime.poses import Path, Pose, bases
 
 TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
-FLIP = np.array([-1.0, 1.0, 1.0])
 
 
-def noise(shape: tuple[int, ...], count: int, seed: int, vary: bool) -> Float[ndarray, "batch *unit"]:
-    """Standard noise for latents of a shape, at :data:`TEMPERATURE`; a row's depends on the seed and the row alone.
-
-    Without ``vary``, and in the first row of seed 0, there is none: that is the likeliest motion.
-    """
-    out = np.zeros((count, *shape))
-    if vary:
-        for row in range(0 if seed else 1, count):
-            out[row] = TEMPERATURE * np.random.default_rng((seed, row)).standard_normal(shape)
+def noise(draws: Sequence[Draw], shape: tuple[int, ...]) -> Float[ndarray, "batch *unit"]:
+    """Standard noise for latents of a shape, at :data:`TEMPERATURE`; zero for the likeliest motion."""
+    out = np.zeros((len(draws), *shape))
+    for row, draw in enumerate(draws):
+        if draw is not None:
+            out[row] = TEMPERATURE * np.random.default_rng(draw).standard_normal(shape)
     return out
 
 
-def ends(
+def gap_inputs(
     start: Pose,
     leaving: Float[ndarray, "batch 22 3"] | None,
     target: Pose,
@@ -42,10 +34,10 @@ def ends(
     steps: Sequence[int],
     style: Float[ndarray, "batch style"],
     paths: Sequence[Path | None],
-    control: float,
+    control: float = 1.0,
 ) -> dict[str, ndarray]:
-    """The inputs of a plan. steps: from start to target, a row each. leaving, arriving: velocities at the keys, where
-    they are known."""
+    """What the planner knows of gaps, as `interpose.features.plan.gap_shapes` names it. steps: from start to target.
+    leaving, arriving: the joints' velocities at the keys, where they are known. style: weights."""
     count = len(start.hips)
     out: dict[str, ndarray] = {}
     for name, pose, speed in (("start", start, leaving), ("target", target, arriving)):
@@ -56,54 +48,53 @@ def ends(
             f"{name}_velocities": np.zeros_like(pose.positions) if speed is None else speed,
             f"{name}_known": np.full((count, 1), float(speed is not None)),
         }
-    way = np.zeros((count, ANCHORS, 4))
+    at_anchors = np.zeros((count, ANCHORS, 4))
     known = np.array([[float(path is not None and control > 0.0)] for path in paths])
     for row, path in enumerate(paths):
         if path is not None:
             at = np.arange(1, ANCHORS + 1) / (ANCHORS + 1) * steps[row]
             x, z, yaw = (np.interp(at, np.arange(len(path)), path[:, i]) for i in range(3))
-            way[row] = np.stack([x, z, np.sin(yaw), np.cos(yaw)], axis=-1)
-    count_of = np.array(steps, dtype=float)[:, None]
-    return out | {"steps": count_of, "style": style, "path": way, "path_known": known}
+            at_anchors[row] = np.stack([x, z, np.sin(yaw), np.cos(yaw)], axis=-1)
+    total = np.array(steps, dtype=float)[:, None]
+    return out | {"steps": total, "style": style, "path": at_anchors, "path_known": known}
 
 
-def plan(
-    session: Session, told: dict[str, ndarray], drawn: Float[ndarray, "batch unit"]
-) -> tuple[Float[ndarray, "batch anchor pose"], Float[ndarray, "batch unit"]]:
-    """What the plan adds to interpolation at the anchors, and its latents.
+def predict(
+    session: Session, inputs: dict[str, ndarray], noise: Float[ndarray, "batch unit"], frames: int
+) -> tuple[Float[ndarray, "batch time pose"], Float[ndarray, "batch unit"]]:
+    """What the plan adds to interpolation at the first ``frames`` frames of each gap, the start key included, and its
+    latents. At and beyond the target it is zero."""
+    times = np.tile(np.arange(frames, dtype=np.float32), (len(noise), 1))
+    feed = {name: value.astype(np.float32) for name, value in inputs.items()}
+    out = session.run("plan", feed | {"noise": noise.astype(np.float32), "frames": times})
+    return out["added"].astype(float), out["latent"].astype(float)
 
-    The data was mirrored in training, so that the plan of the mirror image is as good as the plan, and their mean is
-    better: what both likeliest plans differ by is halved, in samples as well.
+
+def base(
+    session: Session, batch: GapBatch, noise: Float[ndarray, "batch unit"] | None, longest: int | None = None
+) -> tuple[Float[ndarray, "batch time pose"], Float[ndarray, "batch unit"] | None]:
+    """The base of each gap, keys included, and the plan's latent: interpolation, the plan's spline, and the root on the
+    path where one is given. After a shorter gap its target stands still.
+
+    noise: of the latents; None for interpolation without a plan. longest: steps beyond which a gap has no plan.
     """
-    still = np.zeros_like(drawn)
-
-    def say(seen: dict[str, ndarray]) -> dict[str, ndarray]:
-        return session.run("plan", {name: value.astype(np.float32) for name, value in seen.items()})
-
-    said = say(told | {"noise": drawn})
-    own = say(told | {"noise": still})["added"] if drawn.any() else said["added"]
-    other = say({name: mirrored(name, value) for name, value in told.items()} | {"noise": still})["added"]
-    hips, turned = other[..., :3], other[..., 3:].reshape(*other.shape[:2], JOINTS, 6)
-    back = [mirrored("hips", hips), mirrored("rotations", turned).reshape(*other.shape[:2], -1)]
-    return said["added"] + 0.5 * (np.concatenate(back, axis=-1) - own), said["latent"]
-
-
-def mirrored(name: str, value: ndarray) -> ndarray:
-    """An input of the plan seen in a mirror at x = 0, left and right exchanged, as `interpose.motion.mirror` does."""
-    kind = name.rpartition("_")[2]
-    if kind == "hips":
-        return value * FLIP
-    if kind in ("positions", "velocities"):
-        return value[..., MIRROR, :] * FLIP
-    if kind == "rotations":
-        return value[..., MIRROR, :] * np.concatenate([-FLIP, FLIP])
-    return value * np.array([-1.0, 1.0, -1.0, 1.0]) if name == "path" else value
+    out = bases(*batch.keys, list(batch.frames))
+    latent = None
+    if noise is not None:
+        steps = [frames + 1 for frames in batch.frames]
+        style = session.style_weights(batch.styles, batch.style_strength)
+        ends = batch.start, batch.leaving, batch.target, batch.arriving
+        inputs = gap_inputs(*ends, steps, style, batch.paths, batch.path_control)
+        added, latent = predict(session, inputs, noise, out.shape[1])
+        planned = [longest is None or n <= longest for n in steps]
+        out += added * np.array(planned, dtype=float)[:, None, None]
+    return on_paths(out, batch.paths, batch.path_control), latent
 
 
-def laid(
+def on_paths(
     base: Float[ndarray, "batch time pose"], paths: Sequence[Path | None], control: float
 ) -> Float[ndarray, "batch time pose"]:
-    """The base with its roots led onto their paths between the keys, by so much."""
+    """The base with its roots moved onto their paths between the keys, by that share."""
     out = base.copy()
     for row, path in enumerate(paths):
         if path is not None:

@@ -1,8 +1,9 @@
-"""What is asked of a gap, and what is told of a transition."""
+"""All that is asked of a gap. It travels whole from command, library and studio to the backend."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from interpose.drawn_path.path_file import PathFile
 from interpose.errors import InputError
@@ -10,122 +11,77 @@ from interpose.gallery.speeds import SPEEDS
 from interpose.gallery.store import Gallery
 from interpose.parts import Parts
 from interpose.runtime import style_blend
+from interpose.runtime.backends.backend import Abilities, Backend
+from interpose.runtime.backends.registry import DEFAULT_METHOD
+from interpose.runtime.methods import abilities_of, backend_of
 from interpose.runtime.model_folder import Session
 
-METHODS = ("dcmoe", "stitch", "stitch+detail", "interp")
-PATHS = ("auto", "straight", "none")
+PATHS = ("auto", "gallery", "straight", "none")
 """What a path may be beside one that is drawn."""
-STRONGEST = 3.0
-"""The most that a style can be exaggerated."""
+MAX_STYLE_STRENGTH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What is asked of every gap. Raises InputError where it cannot be had.
+    """What is asked of every gap. What the method and the model cannot do is refused with InputError, never ignored.
 
-    session: the model; needed by every method but interp. style: one of the model's, or a blend of them (`blends`), or
-    None to leave it free. path: auto (matched from the gallery), straight, none (the network's own), or a name for
-    ``lines``. lines: what was drawn.
-    speed: fast, medium or slow, where no number of frames is given. gallery: in place of the model's own.
-    control: how much a path counts beside the root that the network foresees, 0 to 1. strength: of the style, from 0,
-    as good as free, over 1, as trained, to 3, exaggerated. parts: of the target that are given; None for all of it.
+    method: a name of `interpose.runtime.backends.registry`. model: that serves it; None where it needs none. style: one
+    of the model's in any case, or a blend (`style_blend`), or None to leave it free. style_strength: from 0, as good as
+    free, over 1, as trained, to 3, exaggerated. path: of the root. auto leaves the likeliest candidate unconstrained
+    (see `guidance`), gallery matches a trajectory, straight is a straight line, none leaves all candidates
+    unconstrained; with ``drawn``, its name. path_control: weight of the path against the predicted root, 0 to 1.
+    gallery: in place of the model's own; path auto then means gallery. speed: fast, medium or slow, where no number of
+    frames is given. parts: of the target that are given; None for all.
     """
 
-    method: str = "dcmoe"
-    session: Session | None = None
+    method: str = DEFAULT_METHOD
+    model: Session | None = None
     style: str | None = None
+    style_strength: float = 1.0
     path: str = "auto"
-    seed: int = 0
-    speed: str | None = None
-    lines: PathFile | None = None
+    path_control: float = 1.0
+    drawn: PathFile | None = None
     gallery: Gallery | None = None
-    control: float = 1.0
-    strength: float = 1.0
+    speed: str | None = None
+    seed: int = 0
     parts: Parts | None = None
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"unknown method '{self.method}'; there are {', '.join(METHODS)}")
-        if self.lines is None and self.path not in PATHS:
+        abilities = self.abilities
+        if self.drawn is None and self.path not in PATHS:
             raise InputError(f"unknown path '{self.path}'; use {', '.join(PATHS)}, or a file that ends in .json")
         if self.speed is not None and self.speed not in SPEEDS:
             raise InputError(f"unknown speed '{self.speed}'; there are {', '.join(SPEEDS)}")
-        if not 0.0 <= self.control <= 1.0:
-            raise InputError(f"the path's control must be 0 to 1, got {self.control}")
+        if not 0.0 <= self.path_control <= 1.0:
+            raise InputError(f"the path's control must be 0 to 1, got {self.path_control}")
         if self.seed < 0:
             raise InputError(f"the seed must be 0 or more, got {self.seed}")
-        if not 0.0 <= self.strength <= STRONGEST:
-            raise InputError(f"the style's strength must be 0 to {STRONGEST:g}, got {self.strength}")
-        if self.method == "interp":
-            if self.style is not None:
-                raise InputError(
-                    f"interpolation has no styles; leave out style '{self.style}', or choose dcmoe or stitch"
-                )
-            if self.path != "auto":
-                raise InputError(
-                    f"interpolation follows no path; leave out path '{self.path}', or choose dcmoe or stitch"
-                )
-        elif self.session is None:
-            raise InputError(f"method '{self.method}' needs a model")
-        if self.strength != 1.0 and (self.method == "interp" or self.session is None or not self.session.styles):
-            raise InputError(
-                f"a style's strength of {self.strength:g} needs a model with styles; choose dcmoe or stitch"
-            )
-        if self.style is not None and self.session is not None:
-            style_blend.check(self.style, self.session.styles, self.session.name)
+        if not 0.0 <= self.style_strength <= MAX_STYLE_STRENGTH:
+            raise InputError(f"the style's strength must be 0 to {MAX_STYLE_STRENGTH:g}, got {self.style_strength}")
+        if not abilities.paths and (self.path != "auto" or self.path_control != 1.0):
+            raise InputError(f"method '{self.method}' follows no path; leave it out, or choose another method")
+        if self.gallery is not None and self.path == "auto" and abilities.paths:
+            object.__setattr__(self, "path", "gallery")
+        if self.path == "gallery" and self.trajectories is None:
+            raise InputError("there is no gallery to match a path from; give one, or another path")
+        if self.style is not None:
+            if not abilities.styles:
+                raise InputError(f"method '{self.method}' has no styles here; leave out style '{self.style}'")
+            assert self.model is not None
+            object.__setattr__(self, "style", style_blend.spelled(self.style, abilities.styles, self.model.name))
+        if self.style_strength != 1.0 and not abilities.styles:
+            raise InputError(f"a style strength of {self.style_strength:g} needs a method and a model with styles")
+
+    @property
+    def backend(self) -> Backend:
+        return backend_of(self.method)
+
+    @cached_property
+    def abilities(self) -> Abilities:
+        """What the method can do with the model. Raises InputError where they do not go together."""
+        return abilities_of(self.method, self.model)
 
     @property
     def trajectories(self) -> Gallery | None:
         """The gallery to match from: the one given, the model's own, or None."""
-        return self.gallery if self.gallery is not None or self.session is None else self.session.gallery
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A duration that the gallery knows for a gap. fit: the share of all candidates, by weight, of that speed."""
-
-    speed: str
-    frames: int
-    fit: float
-
-
-@dataclass(frozen=True)
-class Suggested:
-    """How many frames a gap should take, and what fast, medium and slow would be."""
-
-    frames: int
-    alternatives: tuple[Alternative, ...]
-
-
-@dataclass(frozen=True)
-class Info:
-    """What is told of one transition; the fields are those of `--json`.
-
-    start, target: the keys, as frames of the clip or as they were named. foot_slide_cm_per_frame: of the delivered
-    motion with its keys, by :func:`foot_slide`; None where the rig's feet are not known. seconds: wall time of the gap,
-    all variants together. fallback: None, or what could not be served as asked, why, and what served instead.
-    speed: as asked for. trajectory: where the root's path is from: matched, composed, drawn, straight, model, or None
-    where it is interpolated. path_deviation_m: the root's mean distance from that path on the ground, None without
-    one. fit: of a matched path, 0 to 1. suggested: where no number of frames was given. style_strength, target_joints:
-    as asked for; where only some joints of the target were given the arrival errors are theirs.
-    """
-
-    start: int | str
-    target: int | str
-    frames: int
-    method: str
-    style: str | None
-    path: str
-    seed: int
-    arrival_position_error_m: float
-    arrival_rotation_error_deg: float
-    foot_slide_cm_per_frame: float | None
-    seconds: float
-    fallback: str | None
-    speed: str | None = None
-    trajectory: str | None = None
-    path_deviation_m: float | None = None
-    fit: float | None = None
-    suggested: Suggested | None = None
-    style_strength: float = 1.0
-    target_joints: str | None = None
+        return self.gallery if self.gallery is not None or self.model is None else self.model.gallery

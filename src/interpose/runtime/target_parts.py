@@ -24,10 +24,11 @@ from interpose.features import RATE
 from interpose.motion import Motion, from_global
 from interpose.parts import Parts
 from interpose.runtime import poses
+from interpose.runtime.gap_batch import draws
 from interpose.runtime.ik.two_bone import two_bone_ik
 from interpose.runtime.ik.whole_body import Ease, JointTargets, solve
 from interpose.runtime.interpolate import aligned
-from interpose.runtime.model_folder import Session
+from interpose.runtime.request import Request
 from interpose.runtime.resampling import MODEL_RATE, recent
 from interpose.skeleton import HUMANOID
 
@@ -67,28 +68,19 @@ class Ending:
     note: str | None
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What is asked beside the target. frames: from start to target at 30 Hz, None where that is not known yet."""
-
-    frames: int | None
-    style: str | None = None
-    strength: float = 1.0
-    seed: int = 0
-
-
 def complete(
     start: Motion,
     target: Motion,
     parts: Parts,
-    session: Session | None,
+    request: Request,
     mapping: retarget.Mapping | str,
-    wish: Wish,
+    steps: int | None,
     count: int = 1,
 ) -> list[Ending]:
     """``count`` whole poses with the given ``parts`` of ``target``'s first frame, the likeliest first.
 
-    ``start``: its last frame is the start key, those before it are context. Raises InputError where the rig is no
+    ``start``: its last frame is the start key, those before it are context. steps: from start to target at 30 Hz, None
+    where that is not known yet. Raises InputError where the rig is no
     humanoid, and where it has none of the given joints.
     """
     if isinstance(mapping, str):
@@ -101,13 +93,13 @@ def complete(
     begin, goal = aligned(start[-1], target[0])
     context = retarget.to_humanoid(recent(start, 2), mapping)
     goal22 = retarget.to_humanoid(goal, mapping)
-    if session is not None and session.completes:
-        found = _foreseen(session, context, goal22, parts, wish, count)
+    if request.abilities.partial_targets:
+        found = _predicted(request, context, goal22, parts, steps, count)
         note = None
     else:
         found = [_carried(context[-1], goal22, parts)] * count
-        named = "interpolation" if session is None else f"the model '{session.name}'"
-        note = f"{named} completes no targets; what is free of it is as in the start pose"
+        named = f"method '{request.method}'" if request.model is None else f"the model '{request.model.name}'"
+        note = f"{named} completes no partial targets; the rest of the target is as in the start pose"
     details = _details(begin, goal, parts, mapping)
     return [_ending(pose, stands, goal22, goal, parts, mapping, details, note) for pose, stands in found]
 
@@ -141,23 +133,25 @@ Stands = Float[ndarray, "4"]
 """The probability that each foot joint stands on the ground."""
 
 
-def _foreseen(
-    session: Session, context: Motion, goal: Motion, parts: Parts, wish: Wish, count: int
+def _predicted(
+    request: Request, context: Motion, goal: Motion, parts: Parts, steps: int | None, count: int
 ) -> list[tuple[Motion, Stands]]:
-    """What the network says, in ``count`` variants."""
+    """The network's poses, in ``count`` variants."""
+    model = request.model
+    assert model is not None
     known = poses.pose_of(context.root_positions, context.local_rotations)
     aim = poses.pose_of(goal.root_positions, goal.local_rotations)
     velocity = np.zeros((1, len(HUMANOID), 3))
     if len(context) > 1:
         velocity = (known.positions[-1:] - known.positions[-2:-1]) * RATE
-    frames = wish.frames
-    if frames is None:
+    if steps is None:
         at = aim.positions[0, list(parts.joints) or [0]].mean(axis=0)
         away = float(np.linalg.norm((at - known.hips[-1])[[0, 2]]))
-        frames = int(np.clip(away / PACE * RATE, 15.0, 90.0))
-    noise = np.zeros((count, session.target_latent))
-    for row in range(0 if wish.seed else 1, count):
-        noise[row] = TEMPERATURE * np.random.default_rng((wish.seed, row)).standard_normal(session.target_latent)
+        steps = int(np.clip(away / PACE * RATE, 15.0, 90.0))
+    noise = np.zeros((count, model.target_latent))
+    for row, draw in enumerate(draws(request.seed, count)):
+        if draw is not None:
+            noise[row] = TEMPERATURE * np.random.default_rng(draw).standard_normal(model.target_latent)
     one = {
         "start_hips": known.hips[-1:],
         "start_rotations": known.rotations[-1:],
@@ -167,14 +161,14 @@ def _foreseen(
         "target_rotations": aim.rotations,
         "joints": parts.known[None].astype(float),
         "ground": np.full((1, 1), float(parts.ground)),
-        "frames": np.full((1, 1), float(frames)),
-        "style": session.style_weights([wish.style], wish.strength),
+        "frames": np.full((1, 1), float(steps)),
+        "style": model.style_weights([request.style], request.style_strength),
     }
     feed = {name: np.repeat(value, count, axis=0) for name, value in one.items()} | {"noise": noise}
-    said = session.run("target", {name: value.astype(np.float32) for name, value in feed.items()})
-    world = rotation.from_6d(said["rotations"].astype(float))
-    made = from_global(HUMANOID, said["hips"].astype(float), world, MODEL_RATE)
-    return [(made[row], said["contacts"][row].astype(float)) for row in range(count)]
+    out = model.run("target", {name: value.astype(np.float32) for name, value in feed.items()})
+    world = rotation.from_6d(out["rotations"].astype(float))
+    made = from_global(HUMANOID, out["hips"].astype(float), world, MODEL_RATE)
+    return [(made[row], out["contacts"][row].astype(float)) for row in range(count)]
 
 
 def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]:

@@ -14,8 +14,9 @@ from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.retarget.mirrored import mirrored
 from interpose.runtime import inbetween
+from interpose.runtime.info import Info
 from interpose.runtime.interpolate import aligned
-from interpose.runtime.request import Info, Request
+from interpose.runtime.request import Request
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.runtime.style_blend import leading
 from interpose.studio import gallery_paths, pose_library, pose_rows
@@ -150,8 +151,8 @@ def _request(message: Generate, sessions: Sessions) -> Request:
         return Request("interp", seed=message.seed)
     session, style = session_of(sessions, message.method), style_of(message)
     if isinstance(message.path, PointPath):
-        return Request(message.method, session, style, "drawn", message.seed, lines=_path_file(message.path))
-    return Request(message.method, session, style, message.path.kind, message.seed)
+        return Request(message.method, session, style, path="drawn", drawn=_path_file(message.path), seed=message.seed)
+    return Request(message.method, session, style, path=message.path.kind, seed=message.seed)
 
 
 def _path_file(path: PointPath) -> PathFile:

@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 from interpose.demo import poses
 from interpose.errors import InputError
-from interpose.runtime import model_folder
 from interpose.runtime.inbetween import inbetween, mapping_of, suggest
+from interpose.runtime.methods import choose
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
 from interpose.studio.protocol import MethodInfo
@@ -23,9 +23,11 @@ def load() -> Sessions:
     found: dict[str, Session] = {}
     for method in TRAINED:
         try:
-            found[method] = model_folder.load(None, method=method)
+            model = choose(method, None)[1]
         except InputError:
             continue
+        if model is not None:
+            found[method] = model
     return MappingProxyType(found)
 
 

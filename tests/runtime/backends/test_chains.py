@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from interpose.features.stitch import schedule, shares
 from interpose.runtime.backends import chains
-from interpose.stitch_layout import schedule, shares
 
 
 def two(steps, buffer, value):

@@ -7,10 +7,10 @@ import learning
 import numpy as np
 import pytest
 
+from interpose.features.stitch import seam
 from interpose.runtime import methods
 from interpose.runtime.backends import chains, dcmoe_both_ends
 from interpose.runtime.model_folder import Session, load
-from interpose.stitch_layout import seam
 
 
 @pytest.fixture(scope="module")

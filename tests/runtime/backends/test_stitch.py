@@ -14,6 +14,7 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.export import stitch as exporting
 from interpose.export.planner import Plan
+from interpose.features.stitch import network_shapes, pressed, seam
 from interpose.models.geometry import root_frame
 from interpose.motion import mirror
 from interpose.runtime import methods, planner, poses
@@ -23,7 +24,6 @@ from interpose.runtime.model_folder import Session, load
 from interpose.runtime.request import Request
 from interpose.runtime.streaming.stream import Stream
 from interpose.skeleton import MIRROR
-from interpose.stitch_layout import network_shapes, pressed, seam
 from interpose.train.common import gaps
 from interpose.train.common.frames import Frames
 from interpose.train.stitch import transitions

@@ -11,10 +11,10 @@ from stitch_learning import KNOWN, drawn
 from interpose import skeleton
 from interpose.data.contacts import INDICES as FEET
 from interpose.features import RATE
+from interpose.features.stitch import ANCHORS, STANDING
 from interpose.models.geometry import root_frame, to_matrix
 from interpose.runtime import poses
 from interpose.skeleton import HUMANOID
-from interpose.stitch_layout import ANCHORS, STANDING
 from interpose.train.common import gaps
 from interpose.train.common.gaps import Sampling
 

@@ -9,10 +9,10 @@ import stitch_learning
 import torch
 
 from interpose.errors import InputError
+from interpose.features.stitch import ANCHORS, spread
 from interpose.models.geometry import to_six
 from interpose.models.planner import LONGEST, POSE
 from interpose.skeleton import HUMANOID
-from interpose.stitch_layout import ANCHORS, spread
 from interpose.train.common import checkpoint
 from interpose.train.dcmoe import recipe
 from interpose.train.dcmoe.recipe import Stage

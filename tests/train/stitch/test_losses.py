@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from interpose.data.contacts import INDICES as FEET
-from interpose.stitch_layout import seam
+from interpose.features.stitch import seam
 from interpose.train.common.gaps import Motion
 from interpose.train.stitch.losses import PAPER, Weights, chains
 from interpose.train.stitch.rollout import Chain, Stitched

@@ -9,10 +9,10 @@ import stitch_learning
 import torch
 from stitch_learning import drawn
 
+from interpose.features.stitch import schedule, seam, shares
 from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, Memory
-from interpose.stitch_layout import schedule, seam, shares
 from interpose.train.common import gaps
 from interpose.train.stitch.rollout import Course, Stitched, roll
 

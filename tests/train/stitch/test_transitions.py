@@ -8,8 +8,8 @@ import stitch_learning
 import torch
 from stitch_learning import KNOWN, Elsewhere, drawn
 
+from interpose.features.stitch import spread
 from interpose.models.planner import POSE
-from interpose.stitch_layout import spread
 from interpose.train.common import gaps
 from interpose.train.stitch import transitions
 from interpose.train.stitch.transitions import made_gaps, ratios, set_statistics

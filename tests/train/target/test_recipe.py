@@ -35,21 +35,21 @@ def test_masks_are_the_groups_that_users_name():
 
 
 def test_pairs_are_of_one_clip_and_in_order(frames):
-    config = recipe.Config(size=recipe.Size(styles=2), strayed=0.0)
-    asked, _ = recipe.draw(frames, config, 500, torch.Generator().manual_seed(1))
-    start = (frames.hips[:, None] == asked.start_hips).all(dim=-1).float().argmax(dim=0)
-    target = (frames.hips[:, None] == asked.target_hips).all(dim=-1).float().argmax(dim=0)
+    config = recipe.TargetConfig(size=recipe.TargetSize(styles=2), strayed=0.0)
+    known, _ = recipe.draw(frames, config, 500, torch.Generator().manual_seed(1))
+    start = (frames.hips[:, None] == known.start_hips).all(dim=-1).float().argmax(dim=0)
+    target = (frames.hips[:, None] == known.target_hips).all(dim=-1).float().argmax(dim=0)
     assert (frames.first[start] == frames.first[target]).all()
-    torch.testing.assert_close((target - start).float()[:, None], asked.frames)
-    known = asked.velocity_known[:, 0] > 0
+    torch.testing.assert_close((target - start).float()[:, None], known.frames)
+    known = known.velocity_known[:, 0] > 0
     assert 0.3 < known.float().mean() < 0.6
     moved = (frames.positions[start] - frames.positions[start - 1])[known] * 30.0
-    torch.testing.assert_close(asked.start_velocities[known], moved)
-    assert (asked.start_velocities[~known] == 0).all()
+    torch.testing.assert_close(known.start_velocities[known], moved)
+    assert (known.start_velocities[~known] == 0).all()
 
 
 def test_learning_lowers_the_error(frames):
-    config = recipe.Config(size=recipe.Size(2, 32, 1, styles=2), half=False)
+    config = recipe.TargetConfig(size=recipe.TargetSize(2, 32, 1, styles=2), half=False)
     generator = torch.Generator().manual_seed(0)
     torch.manual_seed(0)
     model = recipe.TargetPose(config.size)
@@ -59,8 +59,8 @@ def test_learning_lowers_the_error(frames):
     model.train()
     optimizer = torch.optim.AdamW(model.parameters(), lr=3e-3)
     for _ in range(25):
-        asked, true = recipe.draw(frames, config, 64, generator)
-        total, _ = recipe.losses(model, asked, true, config, generator)
+        known, true = recipe.draw(frames, config, 64, generator)
+        total, _ = recipe.losses(model, known, true, config, generator)
         optimizer.zero_grad()
         total.backward()
         optimizer.step()

@@ -1,0 +1,1 @@
+"""The methods, one file each; `registry` lists them. See docs/architecture.md for how to add one."""

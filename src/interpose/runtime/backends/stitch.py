@@ -1,13 +1,11 @@
-"""Gaps stitched from both ends: the run time of S-CVAE (Ren et al. 2024, section 3), on ONNX Runtime alone.
+"""Method ``stitch``: gaps stitched from both ends, the run time of S-CVAE (Ren et al. 2024, section 3).
 
-The networks are in three files: the plan of a gap, the forward generator and the backward one. Here is what surrounds
-them: interpolation between the keys and the plan's poses on it, the two chains made in turn, and how they become one
-(`interpose.stitch_layout`). Random latents are inputs, so that a seed gives the same motion again.
+The planner, the forward generator and the backward one are ONNX files; here is what surrounds them: the base between
+the keys, the two chains made in turn, and how they become one (`interpose.features.stitch`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,109 +14,76 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.data.contacts import INDICES
-from interpose.features import RATE
+from interpose.features.stitch import STANDING, memory_shapes, schedule, seam
 from interpose.runtime import planner
-from interpose.runtime.backends.chains import Frame, Made, by_length, joined
+from interpose.runtime.backends.backend import Abilities, trained
+from interpose.runtime.backends.chains import Frame, joined
+from interpose.runtime.gap_batch import GapBatch, Generated, by_length
 from interpose.runtime.model_folder import Session
-from interpose.runtime.poses import Path, Pose, continued, interpolation, last, local_of, pose_of
-from interpose.stitch_layout import STANDING, memory_shapes, schedule, seam, spread
+from interpose.runtime.poses import Pose, continued, local_of, pose_of
 
 
-def stitch(
-    session: Session,
-    start_root: Float[ndarray, "batch context 3"],
-    start_local: Float[ndarray, "batch context 22 4"],
-    target_root: Float[ndarray, "batch 3"],
-    target_local: Float[ndarray, "batch 22 4"],
-    frames: int | Sequence[int],
-    style: list[str | None] | None = None,
-    seed: int = 0,
-    vary: bool = False,
-    paths: Sequence[Path | None] | None = None,
-    control: float = 1.0,
-    arriving: Float[ndarray, "batch 22 3"] | None = None,
-    strength: float = 1.0,
-) -> tuple[Made, Float[ndarray, "batch"]]:
-    """As `interpose.runtime.backends.dcmoe.generate_batch`, for a model of method stitch; and how far apart the chains'
-    joints are in the middle, metres (MMPE, equation 13), NaN where only one chain comes so far.
+@dataclass(frozen=True)
+class StitchBackend:
+    """Two generators that meet in the middle. refined: with the model's detail transformer."""
 
-    arriving: the joints' velocities at the target, where they are known.
-    """
-    count = len(start_root)
-    apart = np.full(count, np.nan)
-    weights = session.style_weights(style or [None] * count, strength)
+    refined: bool = False
 
-    def make(rows: list[int], length: int) -> Made:
-        made, apart[rows] = _of_length(
-            session,
-            (start_root[rows], start_local[rows]),
-            (target_root[rows], target_local[rows]),
-            length,
-            weights[rows],
-            planner.noise(_latents(session, length + 1), count, seed, vary)[rows],
-            [None if paths is None else paths[row] for row in rows],
-            control,
-            None if arriving is None else arriving[rows],
-        )
-        return made
+    @property
+    def name(self) -> str:
+        return "stitch+detail" if self.refined else "stitch"
 
-    return by_length(frames, target_root, target_local, make), apart
+    @property
+    def summary(self) -> str:
+        return "stitch, refined by a transformer" if self.refined else "two generators, from both ends"
+
+    def abilities(self, model: Session | None) -> Abilities | None:
+        if model is None or model.method != "stitch" or (self.refined and not model.has_detail):
+            return None
+        return trained(model, latent_variants=True)
+
+    def generate(self, model: Session | None, batch: GapBatch) -> Generated:
+        assert model is not None
+        return by_length(batch, lambda rows: _stitch(model, rows, self.refined))
 
 
-def _latents(session: Session, steps: int) -> tuple[int, ...]:
-    """The shape of a gap's latents: one for the whole of it, or one for each frame made."""
-    network = session.info["network"]
-    units = (network["latent"],)
-    return units if network["latents"] == "gap" else (len(schedule(steps, *session.course)), *units)
+BACKEND, REFINED = StitchBackend(), StitchBackend(refined=True)
 
 
-def _of_length(
-    session: Session,
-    start: tuple[Float[ndarray, "batch context 3"], Float[ndarray, "batch context 22 4"]],
-    target: tuple[Float[ndarray, "batch 3"], Float[ndarray, "batch 22 4"]],
-    frames: int,
-    style: Float[ndarray, "batch style"],
-    drawn: Float[ndarray, "batch *unit"],
-    paths: list[Path | None],
-    control: float,
-    arriving: Float[ndarray, "batch 22 3"] | None,
-) -> tuple[Made, Float[ndarray, "batch"]]:
+def _stitch(session: Session, batch: GapBatch, refined: bool) -> Generated:
     """Gaps of one length."""
-    steps, network = frames + 1, session.info["network"]
-    context, goal = pose_of(*start), pose_of(*target)
-    first = last(context)
-    leaving = None
-    if context.hips.shape[1] > 1:
-        leaving = (context.positions[:, -1] - context.positions[:, -2]) * RATE
-    keys = (start[0][:, -1], start[1][:, -1]), target
-    base = interpolation(*keys, frames)
-    latent = drawn
-    if "plan" in session.shapes:
-        ends = planner.ends(first, leaving, goal, arriving, [steps] * len(drawn), style, paths, control)
-        one = drawn if network["latents"] == "gap" else np.zeros((len(drawn), network["latent"]))
-        added, z = planner.plan(session, ends, one)
-        if network["planned"]:
-            base = base + np.einsum("ta,bac->btc", spread(steps), added)
-        if network["latents"] == "gap":
-            latent = z
-    base = planner.laid(base, paths, control)
-    speeds = leaving, None if arriving is None else -arriving
+    steps, network = batch.longest + 1, session.info["network"]
+    buffer, aligned, both = session.chain_layout
+    moves = schedule(steps, buffer, aligned, both)
+    by_gap, latent = network["latents"] == "gap", None
+    if not by_gap:
+        latent = planner.noise(batch.draws, (len(moves), network["latent"]))
+    drawn = (
+        planner.noise(batch.draws, (session.plan_latent,)) if by_gap else np.zeros((len(batch), session.plan_latent))
+    )
+    base, z = planner.base(session, batch, drawn if session.has_planner else None)
+    if not network["planned"]:
+        base, _ = planner.base(session, batch, None)
+    latent = z if by_gap else latent
+    assert latent is not None
+    speeds = batch.leaving, None if batch.arriving is None else -batch.arriving
+    poses = batch.start, batch.target
+    paper = None
     if network["form"] == "paper":
-        letter = Letter(np.array(session.info["mean_quaternions"]), first)
-        bodies = [letter.body(*key, speed) for key, speed in zip(keys, speeds, strict=True)]
+        paper = PaperForm(np.array(session.info["mean_quaternions"]), batch.start)
+        bodies = [paper.body(*key, speed) for key, speed in zip(batch.keys, speeds, strict=True)]
     else:
-        letter = None
-        bodies = [_body(pose, speed) for pose, speed in zip((first, goal), speeds, strict=True)]
+        bodies = [_body(pose, speed) for pose, speed in zip(poses, speeds, strict=True)]
+    style = session.style_weights(batch.styles, batch.style_strength)
     chains = _chains(session, bodies, base, latent, style, steps)
-    buffer, _, both = session.course
     hips, turned, contacts = joined(chains, steps, buffer, both)
-    if letter is not None:
-        hips, local = letter.back(hips, turned)
+    if paper is not None:
+        hips, local = paper.back(hips, turned)
     else:
-        if session.refines:
-            hips, turned, contacts = _refined(session, (first, goal), hips, turned, contacts)
+        if refined:
+            hips, turned, contacts = _refined(session, poses, hips, turned, contacts)
         local = local_of(turned)
-    return (hips, continued(start[1][:, -1], local), contacts), _apart(chains, steps)
+    return Generated(hips, continued(batch.context_local[:, -1], local), contacts, _apart(chains, steps))
 
 
 def _refined(
@@ -127,7 +92,7 @@ def _refined(
     hips: Float[ndarray, "batch frame 3"],
     turned: Float[ndarray, "batch frame 22 6"],
     contacts: Float[ndarray, "batch frame 4"],
-) -> Made:
+) -> tuple[ndarray, ndarray, ndarray]:
     """What the detail transformer makes of a motion (`interpose.models.detail_transformer`); rotations as 6-D."""
     start, target = keys
     whole = {
@@ -135,8 +100,8 @@ def _refined(
         "rotations": np.concatenate([start.rotations[:, None], turned, target.rotations[:, None]], axis=1),
         "contacts": np.pad(contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"),
     }
-    said = session.run("detail", {name: value.astype(np.float32) for name, value in whole.items()})
-    made = (said[f"refined_{name}"][:, 1:-1].astype(float) for name in whole)
+    out = session.run("detail", {name: value.astype(np.float32) for name, value in whole.items()})
+    made = (out[f"refined_{name}"][:, 1:-1].astype(float) for name in whole)
     hips, turned, contacts = made
     return hips, turned, contacts
 
@@ -165,7 +130,7 @@ def _body(pose: Pose, velocities: Float[ndarray, "batch 22 3"] | None) -> dict[s
 
 
 @dataclass(frozen=True, eq=False)
-class Letter:
+class PaperForm:
     """To and from the paper's form: local quaternions with fixed signs, in the start's root frame."""
 
     mean: Float[ndarray, "22 4"]
@@ -222,11 +187,12 @@ def _chains(
     network = session.info["network"]
     memories = memory_shapes(network["memory"], network["decoder_memory"])
     memory = [{name: np.zeros((count, *shape), dtype=np.float32) for name, shape in memories.items()} for _ in keys]
+    buffer, aligned, both = session.chain_layout
     newest, at = [*keys], [0, steps]
     made: tuple[list[Frame], list[Frame]] = ([], [])
-    ends = seam(steps, session.course[0], session.course[2])
+    ends = seam(steps, buffer, both)
     middle, kept = ends.middle, ends.forward - ends.middle
-    for number, move in enumerate(schedule(steps, *session.course)):
+    for number, move in enumerate(schedule(steps, buffer, aligned, both)):
         side = int(move.backward)
         other = keys[1 - side] if move.to_key else newest[1 - side]
         gone = at[side] if not side else steps - at[side]
@@ -241,10 +207,10 @@ def _chains(
             "share": np.full((count, 1), min(1.0, share), dtype=np.float32),
             "style": style,
         }
-        said = session.run("back" if side else "front", feed)
-        newest[side] = {name: said[f"next_{name}"] for name in keys[0] if name != "known"}
+        out = session.run("back" if side else "front", feed)
+        newest[side] = {name: out[f"next_{name}"] for name in keys[0] if name != "known"}
         newest[side]["known"] = np.ones((count, 1), dtype=np.float32)
-        memory[side] = {name: said[f"next_{name}"] for name in memories}
+        memory[side] = {name: out[f"next_{name}"] for name in memories}
         made[side].append(newest[side])
         at[side] = move.made
     return made

@@ -19,18 +19,19 @@ from numpy import ndarray
 from interpose import retarget, rotation
 from interpose import skeleton as kinematics
 from interpose.errors import InputError
-from interpose.features import CONTACTS
+from interpose.features import CONTACTS, POSE
+from interpose.features.plan import LONGEST_PLAN_STEPS
 from interpose.motion import Motion, concatenate
 from interpose.runtime import planner, poses
 from interpose.runtime.backends import dcmoe
 from interpose.runtime.feet.stream_lock import FootLock
+from interpose.runtime.gap_batch import draws
 from interpose.runtime.interpolate import aligned, check_gap
 from interpose.runtime.model_folder import Session
-from interpose.runtime.poses import POSE, local_of, pose_of
+from interpose.runtime.poses import local_of, pose_of
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, recent
 from interpose.runtime.streaming import fading
 from interpose.skeleton import HUMANOID
-from interpose.stitch_layout import ANCHORS, LONGEST_PLAN, spread
 
 Pose = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 22 4"]]
 """Hips and local rotations of the humanoid."""
@@ -113,12 +114,12 @@ class Streams:
         self._base = feed["base_next"]
         if former is not None:
             feed = {name: np.concatenate([value, former[name]]) for name, value in feed.items()}
-        said = self._session.step(feed)
-        after = {name: value[: self._count] for name, value in said.items()}
+        out = self._session.step(feed)
+        after = {name: value[: self._count] for name, value in out.items()}
         self._state, self._path, self._left = dcmoe.after(after), after["next_path"], left - 1
         self.contacts = after["contacts"].astype(float)
-        pose = _pose(said, slice(self._count))
-        self._keep_speed(pose, kept, _pose(said, slice(self._count, None)) if former else None, fresh & self._moving)
+        pose = _pose(out, slice(self._count))
+        self._keep_speed(pose, kept, _pose(out, slice(self._count, None)) if former else None, fresh & self._moving)
         self._fade = fading.advanced(self._fade, left.astype(float))
         self._before, self._now, self._moving = self._now, pose, np.ones(self._count, dtype=bool)
         show = fading.shown(self._fade, *pose)
@@ -141,13 +142,13 @@ class Streams:
 
     def _begin(self, starts: Sequence[Motion], seeds: Sequence[int]) -> Motion:
         """The state at the starts; their last frames on one skeleton."""
-        latent = (self._session.plan_latent,)
-        self._noise = np.concatenate([planner.noise(latent, 1, seed, vary=True) for seed in seeds])
+        drawn = [draws(seed, 1)[0] for seed in seeds]
+        self._noise = planner.noise(drawn, (self._session.plan_latent,))
         states, paths, before, now = [], [], [], []
-        for start, seed in zip(starts, seeds, strict=True):
+        for start, draw in zip(starts, drawn, strict=True):
             known = retarget.to_humanoid(recent(start, CONTEXT), self._mapping)
             context = pose_of(known.root_positions[None], known.local_rotations[None])
-            states.append(dcmoe.initial_state(context, dcmoe.initial_phases(self._session, 1, seed, vary=True)))
+            states.append(dcmoe.initial_state(context, dcmoe.initial_phases(self._session, [draw])))
             paths.append(dcmoe.resting_path(context))
             before.append(known[max(len(known) - 2, 0)])
             now.append(known[-1])
@@ -157,7 +158,7 @@ class Streams:
         self._before, self._now = (_stacked(poses) for poses in (before, now))
         self._fixed = dcmoe.steering(self._session, pose_of(*self._now), list(self._styles))
         self._base = np.zeros((self._count, POSE), dtype=np.float32)
-        self._way = _Ways.standing(self._now)
+        self._bases = _Bases.standing(self._now)
         lasts = [start[-1] for start in starts]
         moved = next((last for last in lasts if last.translations is not None), lasts[0])
         first, _ = aligned(lasts[0], moved)
@@ -203,10 +204,10 @@ class Streams:
         for name, value in steer.items():
             self._fixed[name][rows] = value
         start = self._now[0][rows], self._now[1][rows]
-        self._way.aim(
+        self._bases.aim(
             rows, start, ends, left[rows], self._planned(rows, pose_of(*start), target, steer["style"], left[rows])
         )
-        self._base[rows] = self._way.base(rows, left[rows])
+        self._base[rows] = self._bases.base(rows, left[rows])
         self._goals = _with_rows(self._goals, rows, wanted)
         for row in rows:
             self._given[row] = goals[row]
@@ -219,20 +220,22 @@ class Streams:
         target: poses.Pose,
         style: Float[ndarray, "some style"],
         frames: Int[ndarray, "some"],
-    ) -> Float[ndarray, "some anchor pose"]:
-        """What the model's planner adds to the bases of ``rows``; nil without one, and for longer times than plans."""
-        if not self._session.plans:
-            return np.zeros((len(rows), ANCHORS, POSE))
+    ) -> Float[ndarray, "some time pose"]:
+        """What the model's planner adds to the bases of ``rows`` at each frame; zero without one, and for longer times
+        than plans."""
+        if not self._session.has_planner:
+            return np.zeros((len(rows), LONGEST_PLAN_STEPS + 1, POSE))
         speed = self._state["velocities"][rows]
-        told = planner.ends(start, speed, target, None, list(frames), style, [None] * len(rows), 1.0)
-        told["start_known"] = self._moving[rows, None].astype(float)
-        return planner.plan(self._session, told, self._noise[rows])[0] * (frames <= LONGEST_PLAN)[:, None, None]
+        gap = planner.gap_inputs(start, speed, target, None, list(frames), style, [None] * len(rows))
+        gap["start_known"] = self._moving[rows, None].astype(float)
+        added, _ = planner.predict(self._session, gap, self._noise[rows], LONGEST_PLAN_STEPS + 1)
+        return added * (frames <= LONGEST_PLAN_STEPS)[:, None, None]
 
     def _feed(self, rows: Int[ndarray, "some"], left: Int[ndarray, "some"]) -> dict[str, ndarray]:
         """What the network is fed for ``rows`` on their present ways, which so many frames are left of."""
         feed = {name: value[rows] for name, value in (self._state | self._fixed).items()}
         feed["base"] = self._base[rows]
-        feed["base_next"] = self._way.base(rows, left - 1)
+        feed["base_next"] = self._bases.base(rows, left - 1)
         feed["frames_left"] = left[:, None].astype(np.float32)
         if self._session.feeds_path_back:
             feed["path"] = self._path[rows]
@@ -254,35 +257,38 @@ class Streams:
             translations=made.translations,
         )
         if arrived.any():
-            self._now[0][arrived], self._now[1][arrived] = self._way.goal_hips[arrived], self._way.goal_local[arrived]
+            self._now[0][arrived], self._now[1][arrived] = (
+                self._bases.goal_hips[arrived],
+                self._bases.goal_local[arrived],
+            )
             rows = np.flatnonzero(arrived)
             self.poses = _with_rows(self.poses, rows, _rows(self._goals, rows))
         return self.poses
 
 
 @dataclass(frozen=True, eq=False)
-class _Ways:
+class _Bases:
     """Interpolations from where each character was to its target, a row each; arrays that are written to.
 
-    hips and local: of the pose where it began. turn: rotation vectors from there to the target. added: a plan's own, at
-    its anchors. frames: in all.
+    hips and local: of the pose where it began. turn: rotation vectors from there to the target. added: by a
+    plan at each frame. frames: in all.
     """
 
     hips: Float[ndarray, "row 3"]
     local: Float[ndarray, "row 22 4"]
     turn: Float[ndarray, "row 22 3"]
-    added: Float[ndarray, "row anchor pose"]
+    added: Float[ndarray, "row time pose"]
     goal_hips: Float[ndarray, "row 3"]
     goal_local: Float[ndarray, "row 22 4"]
     frames: Int[ndarray, "row"]
 
     @staticmethod
-    def standing(pose: Pose) -> _Ways:
+    def standing(pose: Pose) -> _Bases:
         """Ways that lead nowhere."""
         hips, local = pose
         turn = np.zeros((*local.shape[:-1], 3))
-        added = np.zeros((len(hips), ANCHORS, POSE))
-        return _Ways(hips.copy(), local.copy(), turn, added, hips.copy(), local.copy(), np.ones(len(hips), dtype=int))
+        added = np.zeros((len(hips), LONGEST_PLAN_STEPS + 1, POSE))
+        return _Bases(hips.copy(), local.copy(), turn, added, hips.copy(), local.copy(), np.ones(len(hips), dtype=int))
 
     def aim(
         self,
@@ -290,7 +296,7 @@ class _Ways:
         start: Pose,
         goal: Pose,
         frames: Int[ndarray, "some"],
-        added: Float[ndarray, "some anchor pose"],
+        added: Float[ndarray, "some time pose"],
     ) -> None:
         """Other ways for those characters, from ``start`` to ``goal`` in so many frames."""
         self.added[rows] = added
@@ -308,15 +314,13 @@ class _Ways:
         six = rotation.to_6d(world)
         base = np.concatenate([hips, six.reshape(len(rows), -1)], axis=-1)
         if self.added.any():
-            frames = self.frames[rows]
-            shares = np.stack([spread(int(n))[n - k] for n, k in zip(frames, left, strict=True)])
-            base += np.einsum("ra,rap->rp", shares, self.added[rows])
+            base += self.added[rows, np.minimum(self.frames[rows] - left, LONGEST_PLAN_STEPS)]
         return base.astype(np.float32)
 
 
-def _pose(said: dict[str, ndarray], rows: slice) -> Pose:
-    """The poses that the network said, in double precision."""
-    hips, six = (said[f"next_{name}"][rows].astype(float) for name in ("hips", "rotations"))
+def _pose(out: dict[str, ndarray], rows: slice) -> Pose:
+    """The poses that the network out, in double precision."""
+    hips, six = (out[f"next_{name}"][rows].astype(float) for name in ("hips", "rotations"))
     return hips, local_of(six)
 
 

@@ -1,41 +1,69 @@
-"""Batches of whole gaps for the recipe of S-CVAE, drawn on the fly from frames that lie on the device."""
+"""Gaps drawn on the fly from frames that lie on the device: which frames, what is known of them, what really
+happened."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-import roma
+import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from interpose.data.contacts import INDICES
-from interpose.features import RATE
-from interpose.models.geometry import root_frame
-from interpose.models.planner import Ends
-from interpose.models.stitch_forms import Body
-from interpose.stitch_layout import ANCHORS, STANDING
-from interpose.train.common.frames import Frames, interpolation
+from interpose import rotation
+from interpose.features import JOINTS, RATE
+from interpose.features.plan import ANCHORS
+from interpose.models.geometry import joint_positions, to_six
+from interpose.models.planner import GapInput
+from interpose.skeleton import HUMANOID
+from interpose.train.common.frames import Frames, interpolation, nlerp, world_matrices
+
+FARTHEST_STEPS = 600
+"""Steps from start to target at most, 20 s."""
+UPPER_BODY = slice(HUMANOID.index("Spine"), len(HUMANOID))
+"""Spine, head and arms: what mixed-style keys take from another clip."""
+EASE_FRAMES = 15.0
+"""Frames over which the upper body of a mixed-style key gives way."""
+
+
+def _relaxed() -> Tensor:
+    """(22, 4): the T-pose with its arms hanging down, elbows a little bent."""
+    turns = np.zeros((len(HUMANOID), 3))
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        turns[HUMANOID.index(f"{side}Arm")] = (0.0, 0.0, -1.3 * sign)
+        turns[HUMANOID.index(f"{side}ForeArm")] = (0.0, -0.3 * sign, 0.0)
+    return torch.tensor(rotation.from_rotation_vector(turns), dtype=torch.float32)
+
+
+RELAXED = _relaxed()
 
 
 @dataclass(frozen=True)
-class Sampling:
-    """How gaps are drawn; probabilities of what is known of one."""
+class GapSampling:
+    """How gaps are drawn. Probabilities unless stated otherwise.
 
-    shortest: int = 3
-    """steps from start to target"""
-    longest: int = 90
-    longer: float = 1.5
-    """above 1 the shorter ones are drawn more often"""
-    path: float = 0.3
-    velocity: float = 0.3
-    """for each key by itself"""
+    shortest, longest: steps from start to target. skew: above 1 short gaps are drawn more often. far: of gaps beyond
+    ``longest``, up to :data:`FARTHEST_STEPS`. path: the true path is given. velocity: known, at each key by itself.
+    mixed_keys: the keys' upper bodies are those of other clips (see :func:`true_poses`).
+    """
+
+    shortest: int = 2
+    longest: int = 91
+    skew: float = 1.5
+    far: float = 0.0
+    path: float = 0.4
+    velocity: float = 0.4
     style_dropout: float = 0.3
+    mixed_keys: float = 0.0
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Which frames: from ``start`` on, ``steps`` intervals each; and what is known of each gap."""
+    """Gaps of the data, a row each: first frame, steps to the target, and what is known.
+
+    style: weights over (free, style 1, ...). path_known, start_known, target_known: 1 where the path or the velocities
+    at a key are given. mixed: whether the keys' upper bodies are from other clips. start_local, target_local: the keys.
+    """
 
     start: Int[Tensor, "row"]
     steps: Int[Tensor, "row"]
@@ -43,19 +71,28 @@ class Gaps:
     path_known: Float[Tensor, "row 1"]
     start_known: Float[Tensor, "row 1"]
     target_known: Float[Tensor, "row 1"]
+    mixed: Bool[Tensor, "row"]
+    start_local: Float[Tensor, "row 22 4"]
+    target_local: Float[Tensor, "row 22 4"]
+
+    def __len__(self) -> int:
+        return len(self.start)
 
     @property
     def target(self) -> Int[Tensor, "row"]:
         return self.start + self.steps
 
+    def part(self, rows: slice) -> Gaps:
+        """Some of them."""
+        return Gaps(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    def replaced(self, rows: Int[Tensor, "index"], other: Gaps) -> Gaps:
+        """With ``other`` in those rows."""
+        return Gaps(**{f.name: getattr(self, f.name).index_copy(0, rows, getattr(other, f.name)) for f in fields(self)})
+
 
 def draw(
-    data: Frames,
-    count: int,
-    styles: int,
-    rule: Sampling,
-    generator: torch.Generator,
-    steps: int | None = None,
+    data: Frames, count: int, styles: int, rule: GapSampling, generator: torch.Generator, steps: int | None = None
 ) -> Gaps:
     """``count`` gaps, all of ``steps`` where given. Clips that are too short give the longest that they have room for;
     with ``steps`` they give none."""
@@ -65,163 +102,163 @@ def draw(
         return torch.rand(*shape, generator=generator, device=device)
 
     if steps is None:
-        span = rule.longest - rule.shortest + 1
-        wanted = rule.shortest + (uniform(count) ** rule.longer * span).long()
+        reach = torch.where(uniform(count) < rule.far, FARTHEST_STEPS, rule.longest)
+        total = rule.shortest + (uniform(count) ** rule.skew * (reach - rule.shortest + 1)).long()
         start = (uniform(count) * len(data)).long()
-        start = torch.maximum(torch.minimum(start, data.last[start] - wanted), data.first[start])
-        wanted = torch.minimum(wanted, data.last[start] - start).clamp_min(1)
+        start = torch.maximum(torch.minimum(start, data.last[start] - total), data.first[start])
+        total = torch.minimum(total, data.last[start] - start).clamp_min(1)
     else:
-        able = torch.nonzero(data.last - torch.arange(len(data), device=device) >= steps)[:, 0]
-        start = able[(uniform(count) * len(able)).long()]
-        wanted = torch.full_like(start, steps)
-    label = torch.where(uniform(count) < rule.style_dropout, 0, data.style[start])
-    style = torch.nn.functional.one_hot(label, styles + 1).float()
+        start = _able(data, steps)
+        start = start[(uniform(count) * len(start)).long()]
+        total = torch.full_like(start, steps)
+    mixed = (uniform(count) < rule.mixed_keys) & (data.style[start] > 0)
+    label = torch.where((uniform(count) < rule.style_dropout) & ~mixed, 0, data.style[start])
+    before = (uniform(count) < rule.velocity) & (start > data.first[start]) & ~mixed
+    beyond = (uniform(count) < rule.velocity) & (start + total < data.last[start]) & ~mixed
+    keys = [data.local[start], data.local[start + total]]
+    if rule.mixed_keys:
+        upper = torch.zeros(JOINTS, 1, dtype=torch.bool, device=device)
+        upper[UPPER_BODY] = True
+        for i, key in enumerate(keys):
+            donor = _donor(data, uniform(count), uniform(count, 1, 1))
+            keys[i] = torch.where(mixed[:, None, None] & upper, donor, key)
     return Gaps(
         start,
-        wanted,
-        style,
+        total,
+        torch.nn.functional.one_hot(label, styles + 1).float(),
         (uniform(count, 1) < rule.path).float(),
-        ((uniform(count, 1) < rule.velocity) & (start > data.first[start])[:, None]).float(),
-        ((uniform(count, 1) < rule.velocity) & (start + wanted < data.last[start])[:, None]).float(),
+        before.float()[:, None],
+        beyond.float()[:, None],
+        mixed,
+        keys[0],
+        keys[1],
     )
 
 
 def evenly(data: Frames, steps: int, count: int, styles: int) -> Gaps:
     """``count`` evenly spaced gaps of which only the two keys are known, style free."""
-    device = data.hips.device
-    able = torch.nonzero(data.last - torch.arange(len(data), device=device) >= steps)[:, 0]
-    start = able[torch.linspace(0, len(able) - 1, count, device=device).long()]
-    style = torch.zeros(count, styles + 1, device=device)
+    start = _able(data, steps)
+    start = start[torch.linspace(0, len(start) - 1, count, device=start.device).long()]
+    style = torch.zeros(count, styles + 1, device=start.device)
     style[:, 0] = 1.0
-    nothing = torch.zeros(count, 1, device=device)
-    return Gaps(start, torch.full_like(start, steps), style, nothing, nothing, nothing)
+    path, before, beyond = torch.zeros(3, count, 1, device=start.device)
+    mixed = torch.zeros(count, dtype=torch.bool, device=start.device)
+    keys = data.local[start], data.local[start + steps]
+    return Gaps(start, torch.full_like(start, steps), style, path, before, beyond, mixed, *keys)
 
 
-def anchor_times(like: Tensor) -> Float[Tensor, "anchor"]:
-    """The anchors' places in the gap, 0 to 1."""
-    return torch.arange(1, ANCHORS + 1, device=like.device, dtype=torch.float32) / (ANCHORS + 1)
+def _able(data: Frames, steps: int) -> Int[Tensor, "frame"]:
+    """The frames from which a gap of so many steps stays inside its clip."""
+    return torch.nonzero(data.last - torch.arange(len(data), device=data.hips.device) >= steps)[:, 0]
 
 
-def between(values: Float[Tensor, "frame *rest"], gaps: Gaps, parts: Float[Tensor, "time"]) -> Tensor:
-    """``values`` at those parts of each gap, linear between frames: (row, time, ...)."""
-    at = parts * gaps.steps[:, None]
-    low = torch.minimum(at.floor().long(), gaps.steps[:, None] - 1)
-    share = (at - low).reshape(*at.shape, *[1] * (values.ndim - 1))
-    index = gaps.start[:, None] + low
-    return values[index] * (1.0 - share) + values[index + 1] * share
+def _donor(data: Frames, which: Float[Tensor, "row"], share: Float[Tensor, "row 1 1"]) -> Float[Tensor, "row 22 4"]:
+    """Local rotations of random frames, drawn part of the way to arms that hang down."""
+    frame = (which * len(data)).long()
+    return nlerp(data.local[frame], RELAXED.to(data.local).expand(len(frame), -1, -1), share)
 
 
-def ends(data: Frames, gaps: Gaps) -> Ends:
-    """What a plan is told of the gaps."""
-    start, target = gaps.start, gaps.target
-    parts = anchor_times(data.hips)
-    root = between(data.hips, gaps, parts)[..., ::2]
-    turned = torch.nn.functional.normalize(between(data.facing, gaps, parts), dim=-1)
-    return Ends(
-        *_key(data, start, _velocities(data, start, -1) * gaps.start_known[..., None], gaps.start_known),
-        *_key(data, target, _velocities(data, target, 1) * gaps.target_known[..., None], gaps.target_known),
-        steps=gaps.steps[:, None].float(),
-        style=gaps.style,
-        path=torch.cat([root, turned], dim=-1),
-        path_known=gaps.path_known,
-    )
+def true_poses(
+    data: Frames, gaps: Gaps, at: Int[Tensor, "row time"]
+) -> tuple[Float[Tensor, "row time 22 6"], Float[Tensor, "row time 22 3"]]:
+    """The true rotations (6-D) and joint positions, ``at`` frames after each start, clamped at the target.
+
+    With mixed-style keys the upper body eases from the start key into the data's motion, over half a second at most,
+    and out of it into the target key. So the label matters: the keys alone no longer tell the style (docs/method.md).
+    """
+    at = torch.minimum(at, gaps.steps[:, None])
+    index = gaps.start[:, None] + at
+    rotations, positions = data.rotations[index], data.positions[index]
+    row = torch.nonzero(gaps.mixed)[:, 0]
+    if len(row):
+        since, whole = at[row].float(), gaps.steps[row, None].float()
+        ramp = torch.clamp(whole / 2.0, max=EASE_FRAMES)
+        into, out = _smoothstep(since / ramp), _smoothstep((whole - since) / ramp)
+        local = data.local[index[row]]
+        local = nlerp(gaps.start_local[row, None], local, into[..., None, None])
+        local = nlerp(gaps.target_local[row, None], local, out[..., None, None])
+        local[:, :, : UPPER_BODY.start] = data.local[index[row]][:, :, : UPPER_BODY.start]
+        shape = local.shape[:2]
+        matrices = world_matrices(local.flatten(0, 1))
+        rotations[row] = to_six(matrices).unflatten(0, shape)
+        positions[row] = joint_positions(data.hips[index[row]].flatten(0, 1), matrices).unflatten(0, shape)
+    return rotations, positions
 
 
-def _key(data: Frames, at: Int[Tensor, "row"], velocities: Tensor, known: Tensor) -> tuple[Tensor, ...]:
-    return data.hips[at], data.rotations[at], data.positions[at], velocities, known
+def _smoothstep(t: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+    t = t.clamp(0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
 
 
-def _velocities(data: Frames, at: Int[Tensor, "row"], side: int) -> Float[Tensor, "row 22 3"]:
-    """Of the joints at those frames by the frame before (-1) or the one after (1)."""
+def velocities(data: Frames, at: Int[Tensor, "row"], side: int) -> Float[Tensor, "row 22 3"]:
+    """Of the joints at those frames by the frame before (-1) or the one after (1), m/s; the clip's end stands still."""
     other = torch.minimum(torch.maximum(at + side, data.first[at]), data.last[at])
     return (data.positions[at] - data.positions[other]) * (-side * RATE)
 
 
-@dataclass(frozen=True)
-class Motion:
-    """The true motion of each gap, keys included; rotations in the form's own numbers."""
-
-    hips: Float[Tensor, "row frame 3"]
-    rotations: Float[Tensor, "row frame 22 turn"]
-    positions: Float[Tensor, "row frame 22 3"]
-    contacts: Float[Tensor, "row frame 4"]
-
-
-def motion(data: Frames, gaps: Gaps, steps: int) -> Motion:
-    """What really happened in gaps of ``steps``, as the yaw form has it: the world frame, 6-D."""
-    index = gaps.start[:, None] + torch.arange(steps + 1, device=data.hips.device)
-    return Motion(data.hips[index], data.rotations[index], data.positions[index], data.contacts[index])
-
-
-def letter_motion(data: Frames, gaps: Gaps, steps: int, mean: Float[Tensor, "22 4"]) -> Motion:
-    """The same as the paper's form has it: in the start's root frame, local quaternions whose signs are ``mean``'s."""
-    index = gaps.start[:, None] + torch.arange(steps + 1, device=data.hips.device)
-    direction = data.facing[gaps.start]
-    frame = root_frame(direction)[:, None]
-    origin = (data.hips[gaps.start] * data.hips.new_tensor([1.0, 0.0, 1.0]))[:, None]
-    turn = _unturned(direction)[:, None]
-    local = data.local[index].clone()
-    local[:, :, 0] = roma.quat_product(turn.expand(-1, steps + 1, -1), local[:, :, 0])
-    hips = ((data.hips[index] - origin)[:, :, None] @ frame)[:, :, 0]
-    positions = (data.positions[index] - origin[:, None]) @ frame
-    return Motion(hips, signed(local, mean), positions, data.contacts[index])
-
-
-def _unturned(direction: Float[Tensor, "row 2"]) -> Float[Tensor, "row 4"]:
-    """The rotation about the vertical that turns what faces ``direction`` (x, z) to face +Z."""
-    half = -0.5 * torch.atan2(direction[:, 0], direction[:, 1])
-    nothing = torch.zeros_like(half)
-    return torch.stack([nothing, half.sin(), nothing, half.cos()], dim=-1)
-
-
-def signed(local: Float[Tensor, "*batch 22 4"], mean: Float[Tensor, "22 4"]) -> Float[Tensor, "*batch 22 4"]:
-    """The quaternions with the signs nearest to ``mean``."""
-    return torch.where((local * mean).sum(dim=-1, keepdim=True) < 0.0, -local, local)
-
-
-def mean_quaternions(data: Frames) -> Float[Tensor, "22 4"]:
-    """A mean pose to take signs from; the root's is in its own root frame."""
-    local = data.local.clone()
-    local[:, 0] = roma.quat_product(_unturned(data.facing), local[:, 0])
-    mean = signed(local, local[0]).mean(dim=0)
-    for _ in range(3):
-        mean = signed(local, mean).mean(dim=0)
-    return torch.nn.functional.normalize(mean, dim=-1)
-
-
-def bodies(data: Frames, gaps: Gaps, true: Motion) -> tuple[Body, Body]:
-    """The chains' first frames: the start, and the target with time running backwards. Velocities are the world's."""
-    front, back = (
-        Body(
-            true.hips[:, end],
-            true.rotations[:, end],
-            true.positions[:, end],
-            _velocities(data, at, side) * (-side * known[..., None]),
-            known,
-            standing(data.positions[at]),
-            data.hips.new_zeros(len(at), 4),
-        )
-        for end, at, side, known in (
-            (0, gaps.start, -1, gaps.start_known),
-            (-1, gaps.target, 1, gaps.target_known),
-        )
-    )
-    return front, back
-
-
-def standing(positions: Float[Tensor, "row 22 3"]) -> Float[Tensor, "row 4"]:
-    """Contacts of a lone key, by height."""
-    return (positions[:, INDICES, 1] < positions.new_tensor(STANDING)).float()
-
-
 def base(data: Frames, gaps: Gaps, parts: Float[Tensor, "row time"]) -> Float[Tensor, "row time pose"]:
-    """Interpolation at those parts of each gap, as (hips, global 6-D)."""
-    start, target = gaps.start, gaps.target
-    return interpolation(data.hips[start], data.local[start], data.hips[target], data.local[target], parts)
+    """Interpolation between the keys at those parts of each gap, as (hips, global 6-D)."""
+    return interpolation(data.hips[gaps.start], gaps.start_local, data.hips[gaps.target], gaps.target_local, parts)
 
 
-def residual(data: Frames, gaps: Gaps, led: Float[Tensor, "row anchor pose"]) -> Float[Tensor, "row anchor pose"]:
-    """What the true poses at the anchors differ by from ``led``."""
-    parts = anchor_times(data.hips)
-    true = torch.cat([between(data.hips, gaps, parts), between(data.rotations, gaps, parts).flatten(2)], dim=-1)
-    return true - led
+@dataclass(frozen=True)
+class Anchors:
+    """The true motion at the anchors, world frame, and interpolation there as (hips, 6-D)."""
+
+    hips: Float[Tensor, "row anchor 3"]
+    rotations: Float[Tensor, "row anchor 22 6"]
+    positions: Float[Tensor, "row anchor 22 3"]
+    base: Float[Tensor, "row anchor pose"]
+
+    @property
+    def residual(self) -> Float[Tensor, "row anchor pose"]:
+        """What a perfect plan adds to interpolation."""
+        return torch.cat([self.hips, self.rotations.flatten(2)], dim=-1) - self.base
+
+
+def anchor_parts(like: Tensor) -> Float[Tensor, "anchor"]:
+    """The anchors' places in a gap, 0 to 1."""
+    return torch.arange(1, ANCHORS + 1, device=like.device, dtype=torch.float32) / (ANCHORS + 1)
+
+
+def true_anchors(data: Frames, gaps: Gaps) -> Anchors:
+    """What really happens at the anchors, linear between frames."""
+    low, share = _between(data, gaps)
+    turned, placed = true_poses(data, gaps, torch.cat([low, low + 1], dim=1))
+    index = gaps.start[:, None] + low
+    rotations, positions = (torch.lerp(x[:, :ANCHORS], x[:, ANCHORS:], share[..., None]) for x in (turned, placed))
+    parts = anchor_parts(data.hips).expand(len(gaps), -1)
+    hips = torch.lerp(data.hips[index], data.hips[index + 1], share)
+    return Anchors(hips, rotations, positions, base(data, gaps, parts))
+
+
+def gap_input(data: Frames, gaps: Gaps) -> GapInput:
+    """What the planner knows of the gaps; their paths are the true roots'."""
+    ends = torch.stack([torch.zeros_like(gaps.steps), gaps.steps], dim=1)
+    turned, placed = true_poses(data, gaps, ends)
+    low, share = _between(data, gaps)
+    index = gaps.start[:, None] + low
+    root, facing = (torch.lerp(x[index], x[index + 1], share) for x in (data.hips[:, ::2], data.facing))
+    return GapInput(
+        data.hips[gaps.start],
+        turned[:, 0],
+        placed[:, 0],
+        velocities(data, gaps.start, -1) * gaps.start_known[..., None],
+        gaps.start_known,
+        data.hips[gaps.target],
+        turned[:, 1],
+        placed[:, 1],
+        velocities(data, gaps.target, 1) * gaps.target_known[..., None],
+        gaps.target_known,
+        steps=gaps.steps[:, None].float(),
+        style=gaps.style,
+        path=torch.cat([root, torch.nn.functional.normalize(facing, dim=-1)], dim=-1),
+        path_known=gaps.path_known,
+    )
+
+
+def _between(data: Frames, gaps: Gaps) -> tuple[Int[Tensor, "row anchor"], Float[Tensor, "row anchor 1"]]:
+    """The frames after the start that each anchor lies behind, and how far it is on to the next."""
+    at = anchor_parts(data.hips) * gaps.steps[:, None]
+    low = torch.minimum(at.floor().long(), gaps.steps[:, None] - 1)
+    return low, (at - low)[..., None]

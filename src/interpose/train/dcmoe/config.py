@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from interpose.models.dcmoe import Size
-from interpose.models.planner import PlanSize
-from interpose.train.dcmoe import losses
-from interpose.train.dcmoe.sequences import Sampling
-from interpose.train.planner.objective import Planning
+from interpose.models.dcmoe import DCMoESize
+from interpose.train.common.gaps import GapSampling
+from interpose.train.dcmoe.losses import RollOutWeights
+from interpose.train.dcmoe.sequences import RollOutSampling
+from interpose.train.planner.config import PlannerConfig
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Config:
+class DCMoEConfig:
     """Everything that decides a training, saved beside its weights."""
 
     preset: str = "full"
@@ -31,8 +29,6 @@ class Config:
     hidden: int = 512
     gate: tuple[int, int] = (512, 128)
     absolute: bool = False
-    planner: PlanSize | None = field(default_factory=lambda: PlanSize(hidden=1024))
-    planning: Planning = field(default_factory=lambda: Planning(40_000, 2048))
     stages: tuple[Stage, ...] = (Stage(60_000, 8, 256), Stage(30_000, 16, 256))
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
@@ -47,8 +43,10 @@ class Config:
     """of each joint of such a row"""
     half: bool = True
     """bfloat16 products"""
-    sampling: Sampling = field(default_factory=lambda: Sampling(far=0.05))
-    weights: losses.Weights = field(default_factory=losses.Weights)
+    sampling: RollOutSampling = field(default_factory=RollOutSampling)
+    posterior: float = 0.4
+    """share of the roll-outs along a plan of the posterior; the others follow the likeliest one"""
+    weights: RollOutWeights = field(default_factory=RollOutWeights)
     seed: int = 0
     databases: tuple[str, ...] = ()
     styles: tuple[str, ...] = ()
@@ -56,37 +54,39 @@ class Config:
     backward: bool = False
     """on motion that runs backwards, for stitching from both ends"""
     licence: str = ""
-    plan_from: str = ""
+    plan: PlannerConfig | None = None
+    """of the planner that the steps work along, as its run was trained"""
+
+    @property
+    def size(self) -> DCMoESize:
+        """The network's."""
+        plan = None if self.plan is None else self.plan.size
+        return DCMoESize(self.experts, self.hidden, self.gate, self.absolute, len(self.styles), plan)
 
 
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(
+PRESETS: dict[str, DCMoEConfig] = {
+    "full": DCMoEConfig(),
+    "small": DCMoEConfig(
         preset="small",
         experts=8,
         hidden=256,
         gate=(256, 64),
-        planner=PlanSize(),
-        planning=Planning(12_000, 512),
         stages=(Stage(1_500, 8, 128), Stage(1_000, 12, 128)),
         average=0.996,
     ),
-    "tiny": Config(
+    "tiny": DCMoEConfig(
         preset="tiny",
         experts=2,
         hidden=32,
         gate=(32, 16),
-        planner=PlanSize(hidden=32, depth=1),
-        planning=Planning(10, 16),
         stages=(Stage(10, 1, 16), Stage(10, 3, 16)),
         warmup=2,
         average=0.5,
         half=False,
     ),
-    "paper": Config(
+    "paper": DCMoEConfig(
         preset="paper",
         absolute=True,
-        planner=None,
         stages=(Stage(300_000, 1, 32),),
         learning_rate=1e-4,
         warmup=0,
@@ -95,11 +95,9 @@ PRESETS: dict[str, Config] = {
         mask_target=1.0,
         mask_joint=0.1,
         half=False,
-        sampling=Sampling(
-            lone_start=0.0,
-            context_start=0.0,
-            path=1.0,
-            style_dropout=0.0,
+        sampling=RollOutSampling(
+            gaps=GapSampling(path=1.0, style_dropout=0.0),
+            inside=1.0,
             phase_known_inside=1.0,
             rotation_noise=0.0,
             hips_noise=0.0,
@@ -108,16 +106,3 @@ PRESETS: dict[str, Config] = {
 }
 """``full`` has the paper's size, ``small`` is useful on two CPU cores in about an hour, ``tiny`` is for tests,
 ``paper`` is the paper's recipe unchanged."""
-
-
-def size_of(config: Mapping[str, Any]) -> Size:
-    """The network's size that a saved config tells of."""
-    plan = config.get("planner")
-    return Size(
-        config["experts"],
-        config["hidden"],
-        tuple(config["gate"]),
-        config["absolute"],
-        len(config["styles"]),
-        None if plan is None else PlanSize(**plan),
-    )

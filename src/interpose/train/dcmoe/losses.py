@@ -78,7 +78,7 @@ def paper(
 
 
 @dataclass(frozen=True)
-class Weights:
+class RollOutWeights:
     """Weights of :func:`unrolled` (docs/method.md, D6); the auxiliary ones are ours."""
 
     position: float = 3.0
@@ -95,7 +95,11 @@ class Weights:
 
 
 def unrolled(
-    prediction: Prediction, truth: Truth, here: Float[Tensor, "row joint 3"], weights: Weights, group: Group = ALONE
+    prediction: Prediction,
+    truth: Truth,
+    here: Float[Tensor, "row joint 3"],
+    weights: RollOutWeights,
+    group: Group = ALONE,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """The terms of equations 3 to 5 in the form that trains on roll-outs: L1 on what forward kinematics gives, the
     displacement since ``here``, and the feet held still where they truly stand."""
@@ -127,7 +131,7 @@ def windows(
     made: Float[Tensor, "row frame 22 3"],
     true: Float[Tensor, "row frame 22 3"],
     whole: Float[Tensor, "row"],
-    weights: Weights,
+    weights: RollOutWeights,
     group: Group = ALONE,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """What only several frames together show: :func:`skate` and :func:`energy`, of the rows (``whole``, 1 or 0) whose

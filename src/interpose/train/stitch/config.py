@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
-from interpose.models.planner import PlanSize
-from interpose.models.stitching_cvae import Size
-from interpose.train.common.gaps import Sampling
-from interpose.train.stitch import losses
-from interpose.train.stitch.losses import Weights
-from interpose.train.stitch.rollout import Course
+from interpose.models.stitching_cvae import StitchSize
+from interpose.train.common.gaps import GapSampling
+from interpose.train.planner.config import PlannerConfig
+from interpose.train.stitch.losses import PAPER_WEIGHTS, StitchWeights
+from interpose.train.stitch.rollout import ChainLayout
 
 
 @dataclass(frozen=True)
-class Part:
+class TrainingPart:
     """A part of the training: ``steps`` updates of ``rows`` gaps (frames, for the phases)."""
 
     steps: int
@@ -24,84 +21,77 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Config:
+class StitchConfig:
     """Everything that decides a training, saved beside its weights."""
 
     preset: str = "full"
-    size: Size = field(default_factory=Size)
-    phases: Part = Part(6_000, 1024)
-    plan: Part = Part(40_000, 2048)
-    stitch: Part = Part(60_000, 512)
+    size: StitchSize = field(default_factory=StitchSize)
+    phases: TrainingPart = TrainingPart(6_000, 1024)
+    stitch: TrainingPart = TrainingPart(60_000, 512)
     shortest: int = 5
     """frames of a gap, both keys counted; with ``longest`` the paper's 5 and 50"""
     longest: int = 50
     growth: float = 0.4
-    """share of the last part over which the longest gap grows to ``longest``"""
-    course: Course = field(default_factory=Course)
-    weights: Weights = field(default_factory=Weights)
+    """share of the generators' part over which the longest gap grows to ``longest``"""
+    chains: ChainLayout = field(default_factory=ChainLayout)
+    weights: StitchWeights = field(default_factory=StitchWeights)
     posterior: float = 0.5
-    """of the rows of the last part, how many follow a plan of the posterior"""
-    average_way: float = 0.3
-    """and how many the plan of the prior's mean; the rest follow samples of the prior"""
+    """share of the rows that follow a plan of the posterior"""
+    likeliest: float = 0.3
+    """share that follows the plan of the prior's mean; the rest follow samples of the prior"""
     sampled: float = 0.2
     """how much the rows of prior samples are held to the truth"""
     critics_from: float = 0.5
-    """share of the last part after which the discriminators are let in, slowly"""
+    """share of the generators' part after which the discriminators are let in, slowly"""
     betas: tuple[float, float] = (0.9, 0.999)
     weight_decay: float = 1e-2
     average: float = 0.999
     clip: float = 1.0
     warmup: int = 200
     half: bool = True
-    sampling: Sampling = field(default_factory=Sampling)
+    sampling: GapSampling = field(default_factory=lambda: GapSampling(path=0.3, velocity=0.3))
     seed: int = 0
     databases: tuple[str, ...] = ()
     styles: tuple[str, ...] = ()
     licence: str = ""
-    plan_from: str = ""
+    plan: PlannerConfig | None = None
+    """of the planner that the generators work along, as its run was trained"""
+
+    @property
+    def needs_plan(self) -> bool:
+        """Whether the generators take their base or their latents from a planner."""
+        return self.size.planned or self.size.latents == "gap"
 
 
-SMALL = Size(encoder=(256, 128), memory=256, decoder_memory=256, hidden=(256, 256, 128))
-LETTER = Size(form="paper", latents="frame", planned=False)
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(
+SMALL_SIZE = StitchSize(encoder=(256, 128), memory=256, decoder_memory=256, hidden=(256, 256, 128))
+PAPER_SIZE = StitchSize(form="paper", latents="frame", planned=False)
+PRESETS: dict[str, StitchConfig] = {
+    "full": StitchConfig(),
+    "small": StitchConfig(
         preset="small",
-        size=SMALL,
-        phases=Part(400, 512),
-        plan=Part(6_000, 512),
-        stitch=Part(2_000, 160),
+        size=SMALL_SIZE,
+        phases=TrainingPart(400, 512),
+        stitch=TrainingPart(2_000, 160),
         average=0.995,
     ),
-    "tiny": Config(
+    "tiny": StitchConfig(
         preset="tiny",
-        size=Size(
-            encoder=(16, 16),
-            memory=16,
-            decoder_memory=16,
-            experts=2,
-            hidden=(16, 16, 16),
-            gate=(8, 8),
-            plan=PlanSize(latent=16, hidden=32, depth=1),
-        ),
-        phases=Part(4, 16),
-        plan=Part(10, 16),
-        stitch=Part(6, 8),
+        size=StitchSize(encoder=(16, 16), memory=16, decoder_memory=16, experts=2, hidden=(16, 16, 16), gate=(8, 8)),
+        phases=TrainingPart(4, 16),
+        stitch=TrainingPart(6, 8),
         longest=12,
         warmup=2,
         average=0.5,
         half=False,
-        sampling=Sampling(longest=20),
+        sampling=GapSampling(path=0.3, velocity=0.3, longest=20),
     ),
-    "paper": Config(
+    "paper": StitchConfig(
         preset="paper",
-        size=LETTER,
-        phases=Part(6_000, 1024),
-        plan=Part(0, 32),
-        stitch=Part(100_000, 32, 1e-4),
+        size=PAPER_SIZE,
+        stitch=TrainingPart(100_000, 32, 1e-4),
         growth=0.9,
-        course=Course(buffer=5),
-        weights=losses.PAPER,
+        chains=ChainLayout(buffer=5),
+        weights=PAPER_WEIGHTS,
         critics_from=0.0,
         betas=(0.5, 0.9),
         weight_decay=1e-5,
@@ -109,28 +99,28 @@ PRESETS: dict[str, Config] = {
         clip=0.5,
         warmup=0,
         half=False,
-        sampling=Sampling(path=0.0, velocity=0.0, style_dropout=1.0),
+        sampling=GapSampling(path=0.0, velocity=0.0, style_dropout=1.0),
     ),
 }
 """``full`` has the paper's size, ``small`` is useful on two CPU cores in an hour, ``tiny`` is for tests, ``paper``
 is the paper's recipe unchanged."""
 
 
-def ablations(config: Config) -> dict[str, Config]:
-    """The seven of table 6, by its names, the paper's own latent in our recipe, no plan, and the paper's letter.
+def ablations(config: StitchConfig) -> dict[str, StitchConfig]:
+    """The seven of table 6, by its names, the paper's own latent in our recipe, no plan, and the paper's recipe.
 
     Our one latent a gap has nothing to interpolate, so latent interpolation is taken away from latents a frame.
     """
 
-    def sized(**changes: object) -> Config:
+    def sized(**changes: object) -> StitchConfig:
         return replace(config, size=replace(config.size, **changes))  # type: ignore[arg-type]
 
     frame = sized(latents="frame")
     return {
         "ours": config,
-        "w/o BS": replace(config, course=replace(config.course, both=False)),
+        "w/o BS": replace(config, chains=replace(config.chains, both=False)),
         "w/o SL": replace(config, weights=replace(config.weights, stitch=0.0)),
-        "w/o BA": replace(config, course=replace(config.course, aligned=False)),
+        "w/o BA": replace(config, chains=replace(config.chains, aligned=False)),
         "w/o PM": sized(experts=1),
         "w/o D": replace(config, weights=replace(config.weights, adversarial=0.0)),
         "w/o LSTM": sized(recurrent=False),
@@ -141,9 +131,9 @@ def ablations(config: Config) -> dict[str, Config]:
     }
 
 
-def _printed(config: Config) -> Config:
-    """The paper's letter at another config's size and budget."""
-    size = replace(config.size, form=LETTER.form, latents=LETTER.latents, planned=LETTER.planned)
+def _printed(config: StitchConfig) -> StitchConfig:
+    """The paper's recipe at another config's size and budget."""
+    size = replace(config.size, form=PAPER_SIZE.form, latents=PAPER_SIZE.latents, planned=PAPER_SIZE.planned)
     return replace(
         PRESETS["paper"],
         preset=config.preset,
@@ -154,19 +144,3 @@ def _printed(config: Config) -> Config:
         warmup=config.warmup,
         half=config.half,
     )
-
-
-def size_of(told: Mapping[str, Any]) -> Size:
-    """The size that a saved config tells of."""
-    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in told.items()}
-    plain["plan"] = PlanSize(**plain["plan"])
-    return Size(**plain)
-
-
-def config_of(told: Mapping[str, Any]) -> Config:
-    """A config from the plain values that a run keeps of it."""
-    plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in told.items()}
-    kinds = {"phases": Part, "plan": Part, "stitch": Part, "course": Course, "weights": Weights, "sampling": Sampling}
-    plain |= {name: kind(**plain[name]) for name, kind in kinds.items()}
-    plain["size"] = size_of(plain["size"])
-    return Config(**plain)

@@ -21,18 +21,20 @@ from interpose.errors import InputError
 from interpose.models.detail_transformer import DetailSize, DetailTransformer, refined_loss
 from interpose.models.geometry import joint_positions, to_matrix
 from interpose.models.stitching_cvae import StitchingCVAE
-from interpose.train.common import checkpoint, gaps, loop
+from interpose.train.common import checkpoint, loop
+from interpose.train.common.config import from_plain, preset_of
 from interpose.train.common.frames import Frames, divided, origin
-from interpose.train.stitch import config as stitch_config
-from interpose.train.stitch import recipe as stitch_recipe
-from interpose.train.stitch import transitions as stitched
-from interpose.train.stitch.config import Config as Recipe
+from interpose.train.common.gaps import Gaps, draw, evenly
+from interpose.train.common.optimize import descend, scalars
+from interpose.train.stitch import recipe
+from interpose.train.stitch.config import StitchConfig
 from interpose.train.stitch.rollout import Stitched
 from interpose.train.stitch.rollout import joined as joined_chains
+from interpose.train.stitch.transitions import VALIDATION_LENGTHS, made_gaps
 
 
 @dataclass(frozen=True)
-class Config:
+class DetailConfig:
     """Everything that decides a training, saved beside its weights."""
 
     preset: str = "full"
@@ -55,12 +57,12 @@ class Config:
     """the config of the stitching model"""
 
 
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(
+PRESETS: dict[str, DetailConfig] = {
+    "full": DetailConfig(),
+    "small": DetailConfig(
         preset="small", size=DetailSize(192, 4, 6), steps=1_200, rows=96, learning_rate=1e-3, warmup=100, average=0.995
     ),
-    "tiny": Config(preset="tiny", size=DetailSize(16, 1, 2), steps=4, rows=8, warmup=1, average=0.5, half=False),
+    "tiny": DetailConfig(preset="tiny", size=DetailSize(16, 1, 2), steps=4, rows=8, warmup=1, average=0.5, half=False),
 }
 """``full`` has the paper's size, ``small`` is useful on one CPU core in ten minutes, ``tiny`` is for tests."""
 
@@ -74,24 +76,23 @@ def train(
     max_minutes: float | None = None,
     device: str = "cpu",
     seed: int = 0,
-    config: Config | None = None,
+    config: DetailConfig | None = None,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
 
     refines: the run of the stitching model. config: in place of the preset's. Raises InputError for an unknown preset,
     databases that do not load, no run to refine or one of other styles, and a run folder of another config.
     """
-    if preset not in PRESETS:
-        raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    chosen = config or preset_of(PRESETS, preset)
     saved = None if refines is None else checkpoint.load(refines)
     if refines is None or saved is None or "stitch" not in saved["config"] or "steps" in saved["config"]:
         raise InputError(f"{refines or '--refines'}: give a finished run of 'interpose train stitch' to refine")
-    rough = stitch_recipe.model_of(saved).to(device)
+    rough = recipe.model_of(saved).to(device)
     if rough.size.form == "paper":
         raise InputError(f"{refines}: the paper's own form is not refined; give a run of another preset")
     loaded = [database.load(path) for path in data]
     chosen = replace(
-        config or PRESETS[preset],
+        chosen,
         seed=seed,
         **origin(loaded),
         styles=tuple(saved["config"]["styles"]),
@@ -103,19 +104,18 @@ def train(
 
 
 def run(
-    config: Config, rough: StitchingCVAE, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None
+    config: DetailConfig, rough: StitchingCVAE, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None
 ) -> loop.Outcome:
     """The training itself, on frames that are already on their device."""
     device = data.hips.device
     torch.manual_seed(config.seed)
-    recipe = replace(
-        stitch_config.config_of(config.stitch), posterior=config.posterior, average_way=1.0 - config.posterior
-    )
+    stitch = from_plain(StitchConfig, config.stitch)
+    stitch = replace(stitch, posterior=config.posterior, likeliest=1.0 - config.posterior)
     rough.halve(config.half)
     model = DetailTransformer(config.size).to(device)
     model.half_products = config.half
     generator = torch.Generator(device).manual_seed(config.seed)
-    set_statistics(model, rough, data, recipe, generator)
+    set_statistics(model, rough, data, stitch, generator)
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
     average = loop.moving_average(model, config.average)
     state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
@@ -123,19 +123,15 @@ def run(
     def update(step: int) -> Mapping[str, Tensor | float]:
         factor = loop.cosine(step, config.steps, config.warmup, floor=0.01)
         loop.set_learning_rate(optimizer, config.learning_rate * factor)
-        steps = int(torch.randint(recipe.shortest - 1, recipe.longest, (1,), generator=generator, device=device))
+        steps = int(torch.randint(stitch.shortest - 1, stitch.longest, (1,), generator=generator, device=device))
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
-            made, true = transitions(rough, data, recipe, steps, config.rows, generator)
+            made, true = transitions(rough, data, stitch, steps, config.rows, generator)
             total, each = refined_loss(model(*made), true, INDICES)
-        optimizer.zero_grad(set_to_none=True)
-        total.backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
-        optimizer.step()
-        average.update_parameters(model)
-        scalars: dict[str, Tensor | float] = {"loss": total.detach(), **{k: v.detach() for k, v in each.items()}}
+        descend(total, [model], optimizer, average, model, config.clip)
+        out = scalars(total, each)
         if (step + 1) % 200 == 0 or step + 1 == config.steps:
-            scalars |= ratios(cast(DetailTransformer, average.module), rough, held_out, recipe)
-        return scalars
+            out |= ratios(cast(DetailTransformer, average.module), rough, held_out, stitch)
+        return out
 
     return loop.run(
         run_dir, config, state, config.steps, update, samples_per_step=config.rows, checkpoint_every=200,
@@ -150,27 +146,27 @@ Transition = tuple[Tensor, Tensor, Tensor]
 def transitions(
     rough: StitchingCVAE,
     data: Frames,
-    recipe: Recipe,
+    stitch: StitchConfig,
     steps: int,
     rows: int,
     generator: torch.Generator,
-    fixed: gaps.Gaps | None = None,
+    fixed: Gaps | None = None,
 ) -> tuple[Transition, Transition]:
     """Rough transitions with both keys (hips, rotations, contacts), and the truth (rotations, positions, contacts).
 
     With ``fixed`` gaps they are the likeliest ones of those.
     """
-    drawn = fixed or gaps.draw(data, rows, rough.size.styles, recipe.sampling, generator, steps=steps)
+    drawn = fixed or draw(data, rows, rough.size.styles, stitch.sampling, generator, steps=steps)
     known = None if fixed is not None else torch.ones(rows, device=data.hips.device)
-    made, true, _ = stitched.made_gaps(rough, data, drawn, recipe, generator, known)
-    hips, rotations, contacts = whole(made, recipe, steps)
+    made, true, _ = made_gaps(rough, data, drawn, stitch, generator, known)
+    hips, rotations, contacts = whole(made, stitch, steps)
     hips = torch.cat([true.hips[:, :1], hips, true.hips[:, -1:]], dim=1)
     rotations = torch.cat([true.rotations[:, :1], rotations, true.rotations[:, -1:]], dim=1)
     contacts = torch.cat([contacts[:, :1], contacts, contacts[:, -1:]], dim=1)
     return (hips, rotations, contacts), (true.rotations, true.positions, true.contacts)
 
 
-def whole(made: Stitched, recipe: Recipe, steps: int) -> Transition:
+def whole(made: Stitched, stitch: StitchConfig, steps: int) -> Transition:
     """Both chains as one, as the run time joins them: hips, 6-D and contact probabilities of the frames between."""
     front, back = made.front, made.back
 
@@ -179,7 +175,7 @@ def whole(made: Stitched, recipe: Recipe, steps: int) -> Transition:
         if name == "contacts":
             values = [None if value is None else value.sigmoid() for value in values]
         assert values[0] is not None
-        return joined_chains(values[0], values[1], steps, recipe.course)
+        return joined_chains(values[0], values[1], steps, stitch.chains)
 
     return both("hips"), both("rotations"), both("contacts")
 
@@ -189,13 +185,13 @@ def set_statistics(
     model: DetailTransformer,
     rough: StitchingCVAE,
     data: Frames,
-    recipe: Recipe,
+    stitch: StitchConfig,
     generator: torch.Generator,
 ) -> None:
     """Means and deviations of the tokens, into the model's buffers."""
     seen = []
-    for steps in {recipe.shortest, (recipe.shortest + recipe.longest) // 2, recipe.longest - 1}:
-        made, _ = transitions(rough, data, recipe, steps, 64, generator)
+    for steps in {stitch.shortest, (stitch.shortest + stitch.longest) // 2, stitch.longest - 1}:
+        made, _ = transitions(rough, data, stitch, steps, 64, generator)
         seen.append(model.tokens(*made)[0].flatten(0, 1))
     joined_ = torch.cat(seen)
     model.mean.copy_(joined_.mean(dim=0))
@@ -204,17 +200,17 @@ def set_statistics(
 
 @torch.no_grad()
 def ratios(
-    model: DetailTransformer, rough: StitchingCVAE, data: Frames, recipe: Recipe, count: int = 128
+    model: DetailTransformer, rough: StitchingCVAE, data: Frames, stitch: StitchConfig, count: int = 128
 ) -> dict[str, float]:
     """Mean joint position error of the refined likeliest transitions on held-out gaps over that of the rough ones."""
     out = {}
-    for frames in stitched.LENGTHS:
-        if frames > recipe.longest:
+    for frames in VALIDATION_LENGTHS:
+        if frames > stitch.longest:
             continue
         steps = frames - 1
-        fixed = gaps.evenly(data, steps, count, rough.size.styles)
+        fixed = evenly(data, steps, count, rough.size.styles)
         generator = torch.Generator(data.hips.device).manual_seed(0)
-        made, (_, placed, _) = transitions(rough, data, recipe, steps, count, generator, fixed)
+        made, (_, placed, _) = transitions(rough, data, stitch, steps, count, generator, fixed)
         refined = model(*made)
         wrong = [(_placed(*m[:2]) - placed).norm(dim=-1).mean() for m in (refined, made)]
         out[f"refined/{frames}"] = float(wrong[0] / wrong[1])
@@ -225,8 +221,3 @@ def _placed(hips: Tensor, rotations: Tensor) -> Tensor:
     """Joint positions of whole motions."""
     flat = joint_positions(hips.flatten(0, 1), to_matrix(rotations).flatten(0, 1))
     return flat.unflatten(0, hips.shape[:2])
-
-
-def size_of(config: Mapping[str, Any]) -> DetailSize:
-    """The size that a run's config tells of."""
-    return DetailSize(**config["size"])

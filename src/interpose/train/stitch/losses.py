@@ -14,13 +14,13 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from interpose.data.contacts import INDICES
-from interpose.train.common.gaps import Motion
 from interpose.train.dcmoe.losses import energy, skate
 from interpose.train.stitch.rollout import Chain, Stitched
+from interpose.train.stitch.truth import TrueMotion
 
 
 @dataclass(frozen=True)
-class Weights:
+class StitchWeights:
     """Weights of the terms; see :func:`chains`."""
 
     position: float = 3.0
@@ -33,12 +33,13 @@ class Weights:
     energy: float = 0.25
     root: float = 0.0
     adversarial: float = 0.05
-    divergence: float = 1e-4
+    divergence: float = 0.0
+    """of latents a frame; those of a gap are the planner's"""
     entropy: bool = True
     """contacts by cross-entropy; otherwise by L1, as printed"""
 
 
-PAPER = Weights(
+PAPER_WEIGHTS = StitchWeights(
     position=0.5,
     rotation=1.0,
     displacement=0.0,
@@ -56,14 +57,14 @@ PAPER = Weights(
 
 
 def chains(
-    made: Stitched, true: Motion, shared: list[int], known: Float[Tensor, "row"], entropy: bool = True
+    made: Stitched, true: TrueMotion, shared: list[int], known: Float[Tensor, "row"], entropy: bool = True
 ) -> dict[str, Float[Tensor, ""]]:
     """Every term by name. ``known``: how much each row is held to the truth, 0 to 1.
 
     position, rotation, contact, root: L1 (binary cross-entropy for contacts) over the frames that the generators made
-    (equations 5 and 7). displacement: L1 of the joints' steps in the stitched motion. foot: the way of feet that truly
-    stand. skate, energy: see `interpose.train.dcmoe.losses`. stitch: L1 between the chains in the frames that both made
-    (equation 4).
+    (equations 5 and 7). displacement: L1 of the joints' steps in the stitched motion. foot: the steps of feet that
+    truly stand. skate, energy: see `interpose.train.dcmoe.losses`. stitch: L1 between the chains in the frames that
+    both made (equation 4).
     """
     both = [made.front] if made.back is None else [made.front, made.back]
     weight = known / known.mean().clamp_min(1e-6)
@@ -75,7 +76,7 @@ def chains(
         parts = [(getattr(chain, of) - what[:, chain.frames]).abs() for chain in both]
         return rows(torch.cat(parts, dim=1))
 
-    said = torch.cat([chain.contacts for chain in both], dim=1)
+    logits = torch.cat([chain.contacts for chain in both], dim=1)
     down = torch.cat([true.contacts[:, chain.frames] for chain in both], dim=1)
     step, true_step = made.positions.diff(dim=1), true.positions.diff(dim=1)
     stands = true.contacts[:, 1:] * true.contacts[:, :-1]
@@ -84,9 +85,9 @@ def chains(
         "rotation": over("rotations", true.rotations),
         "root": _root(both, true, rows),
         "contact": rows(
-            F.binary_cross_entropy_with_logits(said, down, reduction="none")
+            F.binary_cross_entropy_with_logits(logits, down, reduction="none")
             if entropy
-            else (said.sigmoid() - down).abs()
+            else (logits.sigmoid() - down).abs()
         ),
         "displacement": rows((step - true_step).abs()),
         "foot": rows(stands[..., None] * step[:, :, INDICES].abs()),
@@ -98,7 +99,7 @@ def chains(
     return each
 
 
-def _root(both: list[Chain], true: Motion, rows: Callable[[Tensor], Tensor]) -> Float[Tensor, ""]:
+def _root(both: list[Chain], true: TrueMotion, rows: Callable[[Tensor], Tensor]) -> Float[Tensor, ""]:
     """L1 of the root's velocity, metres a frame, in each chain's own direction."""
     parts = []
     for chain in both:

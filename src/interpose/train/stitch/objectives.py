@@ -1,4 +1,4 @@
-"""What each part of the recipe of S-CVAE minimises: the phases' network, the plan, the generators."""
+"""What each part of the recipe of S-CVAE minimises: the phases' network, the generators."""
 
 from __future__ import annotations
 
@@ -6,21 +6,20 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from interpose.features import RATE
+from interpose.features import POSE, RATE
+from interpose.features.stitch import seam
 from interpose.models import discriminator
 from interpose.models.discriminator import Discriminators
 from interpose.models.geometry import to_matrix
-from interpose.models.planner import POSE, Normal, divergence
+from interpose.models.normal import Normal, divergence
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import StitchingCVAE
-from interpose.stitch_layout import seam
-from interpose.train.common import gaps
 from interpose.train.common.frames import Frames
-from interpose.train.common.gaps import Motion, Sampling
-from interpose.train.planner.objective import Anchors, reconstruction, weighed
+from interpose.train.common.gaps import GapSampling, draw
 from interpose.train.stitch import losses
-from interpose.train.stitch.config import Config
+from interpose.train.stitch.config import StitchConfig
 from interpose.train.stitch.transitions import made_gaps, true_motion
+from interpose.train.stitch.truth import TrueMotion
 
 
 def phase_loss(
@@ -32,7 +31,7 @@ def phase_loss(
     total = torch.zeros((), device=device)
     still = torch.tensor([-1.0, 1.0, -1.0, 1.0], device=device)
     for backward, side in ((False, model.front), (True, model.back)):
-        drawn = gaps.draw(data, rows, model.size.styles, Sampling(path=0.0, velocity=0.0), generator, steps=2)
+        drawn = draw(data, rows, model.size.styles, GapSampling(path=0.0, velocity=0.0), generator, steps=2)
         true = true_motion(model, data, drawn, 2)
         before, now, after = (2, 1, 0) if backward else (0, 1, 2)
         body = Body(
@@ -55,37 +54,11 @@ def phase_loss(
     return total, {"phase": total}
 
 
-def _aim(body: Body, true: Motion, at: int) -> Aim:
+def _aim(body: Body, true: TrueMotion, at: int) -> Aim:
     """An aim for features of the state alone."""
     nothing = torch.zeros(len(body.hips), POSE, device=body.hips.device)
     left = torch.ones_like(body.known)
     return Aim(true.hips[:, at], true.rotations[:, at], true.positions[:, at], left, nothing, nothing, nothing)
-
-
-def plan_loss(
-    model: StitchingCVAE, data: Frames, config: Config, rows: int, generator: torch.Generator
-) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
-    """Reconstruction of the poses at the anchors and the divergence of the posterior from the prior."""
-    plan = model.plan
-    assert plan is not None
-    device = data.hips.device
-    drawn = gaps.draw(data, rows, model.size.styles, config.sampling, generator)
-    parts = gaps.anchor_times(data.hips).expand(rows, -1)
-    base = gaps.base(data, drawn, parts)
-    residual = gaps.residual(data, drawn, base)
-    x, frame = plan(gaps.ends(data, drawn))
-    q, p = plan.recognise(x, frame, residual), plan.expect(x)
-    noise = torch.randn(q.mean.shape, generator=generator, device=device)
-    added = plan.decode(x, frame, q.at(noise))
-    true = Anchors(
-        gaps.between(data.hips, drawn, parts[0]),
-        gaps.between(data.rotations, drawn, parts[0]),
-        gaps.between(data.positions, drawn, parts[0]),
-    )
-    each = reconstruction(base + added, true, (data.positions[drawn.start], data.positions[drawn.target]))
-    nats = divergence(q, p).sum(dim=-1).mean()
-    total, each = weighed(each), each | {"nats": nats}
-    return total + config.weights.divergence * nats, each
 
 
 def stitch_loss(
@@ -93,7 +66,7 @@ def stitch_loss(
     critics: Discriminators,
     against: torch.optim.Optimizer,
     data: Frames,
-    config: Config,
+    config: StitchConfig,
     gone: float,
     generator: torch.Generator,
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
@@ -102,14 +75,14 @@ def stitch_loss(
     reach = config.shortest + 1 + (config.longest - config.shortest) * min(1.0, gone / max(config.growth, 1e-6))
     frames = int(torch.randint(config.shortest, int(reach), (1,), generator=generator, device=device))
     steps = frames - 1
-    drawn = gaps.draw(data, rows, model.size.styles, config.sampling, generator, steps=steps)
+    drawn = draw(data, rows, model.size.styles, config.sampling, generator, steps=steps)
     known = torch.ones(rows, device=device)
-    made, true, said = made_gaps(model, data, drawn, config, generator, known)
-    overlap = list(seam(steps, config.course.buffer, config.course.both).overlap)
+    made, true, latents = made_gaps(model, data, drawn, config, generator, known)
+    overlap = list(seam(steps, config.chains.buffer, config.chains.both).overlap)
     each = losses.chains(made, true, overlap, known, config.weights.entropy)
-    if said:
-        standard = Normal(torch.zeros_like(said[0].mean), torch.zeros_like(said[0].mean))
-        each["divergence"] = torch.stack([divergence(one, standard).sum(dim=-1).mean() for one in said]).mean()
+    if latents:
+        standard = Normal(torch.zeros_like(latents[0].mean), torch.zeros_like(latents[0].mean))
+        each["divergence"] = torch.stack([divergence(one, standard).sum(dim=-1).mean() for one in latents]).mean()
     strength = config.weights.adversarial * min(1.0, max(0.0, gone - config.critics_from) / 0.1 + 1e-3)
     if strength > 0.0 and gone >= config.critics_from:
         turned = true.rotations[:, 0, 0]

@@ -8,14 +8,14 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from interpose.models.planner import Normal
+from interpose.features.stitch import schedule, seam, shares
+from interpose.models.normal import Normal
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, StitchingCVAE
-from interpose.stitch_layout import schedule, seam, shares
 
 
 @dataclass(frozen=True)
-class Course:
+class ChainLayout:
     """How the chains are made: K, bi-directional aligning or not, both chains or the forward one alone."""
 
     buffer: int = 2
@@ -33,7 +33,8 @@ class Chain:
     positions: Float[Tensor, "row time 22 3"]
     contacts: Float[Tensor, "row time 4"]
     """logits"""
-    said: list[Normal]
+    latents: list[Normal]
+    """of each frame, where the model has latents a frame"""
 
 
 @dataclass(frozen=True)
@@ -59,14 +60,14 @@ def roll(
     base: Float[Tensor, "row frame pose"],
     style: Float[Tensor, "row style"],
     latents: Float[Tensor, "row unit"] | Float[Tensor, "row move unit"],
-    course: Course,
+    layout: ChainLayout,
 ) -> Stitched:
     """Makes the frames between two keys. ``base``: of all frames, keys included; the paper's form ignores its values.
 
     latents: z for the whole gap, or the noise of each move where the model has latents a frame.
     """
     steps = base.shape[1] - 1
-    ends = seam(steps, course.buffer, course.both)
+    ends = seam(steps, layout.buffer, layout.both)
     middle, kept = ends.middle, ends.forward - ends.middle
     keys = front, back
     newest = [front, back]
@@ -74,7 +75,7 @@ def roll(
     batch = len(base)
     memory = [model.front.begin(batch, base), model.back.begin(batch, base)]
     made: tuple[list, list] = ([], [])
-    for number, move in enumerate(schedule(steps, course.buffer, course.aligned, course.both)):
+    for number, move in enumerate(schedule(steps, layout.buffer, layout.aligned, layout.both)):
         side = int(move.backward)
         body = newest[side]
         other = keys[1 - side] if move.to_key else newest[1 - side]
@@ -93,25 +94,25 @@ def roll(
         value = latents if latents.ndim == 2 else latents[:, number]
         latent = Latent(value, base.new_full((batch, 1), min(1.0, share)), style)
         generator = model.back if side else model.front
-        newest[side], memory[side], contacts, said = generator(body, aim, memory[side], latent)
-        made[side].append((move.made, newest[side], contacts, said))
+        newest[side], memory[side], contacts, latent_of = generator(body, aim, memory[side], latent)
+        made[side].append((move.made, newest[side], contacts, latent_of))
         at[side] = move.made
     chains = [_chain(each, base.device) if each else None for each in made]
     assert chains[0] is not None
-    between = joined(chains[0].positions, None if chains[1] is None else chains[1].positions, steps, course)
+    between = joined(chains[0].positions, None if chains[1] is None else chains[1].positions, steps, layout)
     positions = torch.cat([front.positions[:, None], between, back.positions[:, None]], dim=1)
     return Stitched(chains[0], chains[1], positions)
 
 
 def _chain(made: list, device: torch.device) -> Chain:
-    frames, bodies, contacts, said = zip(*made, strict=True)
+    frames, bodies, contacts, latents = zip(*made, strict=True)
     return Chain(
         torch.tensor(frames, device=device),
         torch.stack([b.hips for b in bodies], dim=1),
         torch.stack([b.rotations for b in bodies], dim=1),
         torch.stack([b.positions for b in bodies], dim=1),
         torch.stack(contacts, dim=1),
-        [one for one in said if one is not None],
+        [one for one in latents if one is not None],
     )
 
 
@@ -119,12 +120,12 @@ def joined(
     front: Float[Tensor, "row time *channel"],
     back: Float[Tensor, "row time_ *channel"] | None,
     steps: int,
-    course: Course,
+    layout: ChainLayout,
 ) -> Float[Tensor, "row frame *channel"]:
-    """What both chains say of the frames between the keys, blended where they overlap; each in the order in which it
-    made them. The run time joins them so, too (`interpose.runtime.backends.chains`), and smooths the seam."""
+    """Both chains' values of the frames between the keys, blended where they overlap, each in the order in which it
+    made them. The run time joins them in the same way (`interpose.runtime.backends.chains`), and smooths the seam."""
     count = steps - 1
-    share = torch.as_tensor(shares(steps, course.buffer, course.both)[1:-1], dtype=front.dtype)
+    share = torch.as_tensor(shares(steps, layout.buffer, layout.both)[1:-1], dtype=front.dtype)
     weight = share.to(front.device).reshape(-1, *[1] * (front.ndim - 2))
 
     def placed(values: Tensor, first: int) -> Tensor:

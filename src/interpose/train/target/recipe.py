@@ -19,23 +19,24 @@ from torch.nn import functional as F
 
 from interpose import parts
 from interpose.data import database
-from interpose.errors import InputError
-from interpose.features import JOINTS, RATE
+from interpose.features import JOINTS, POSE, RATE
 from interpose.models.geometry import joint_positions, to_matrix, to_six
-from interpose.models.planner import Normal, divergence
-from interpose.models.target_pose import LONGEST, POSE, Asked, Size, TargetPose, posed, residual
+from interpose.models.normal import Normal, divergence
+from interpose.models.target_pose import LONGEST_TARGET_FRAMES, TargetInput, TargetPose, TargetSize, posed, residual
 from interpose.train.common import checkpoint, loop
+from interpose.train.common.config import from_plain, preset_of
 from interpose.train.common.frames import Frames, divided, origin
+from interpose.train.common.optimize import descend, scalars
 
 
 @dataclass(frozen=True)
-class Config:
+class TargetConfig:
     """Everything that decides a training, saved beside its weights."""
 
     preset: str = "full"
     completes: str = "target"
     """what the run adds to a model"""
-    size: Size = field(default_factory=lambda: Size(hidden=768))
+    size: TargetSize = field(default_factory=lambda: TargetSize(hidden=768))
     steps: int = 40_000
     rows: int = 1024
     learning_rate: float = 1e-3
@@ -58,14 +59,16 @@ class Config:
     licence: str = ""
 
 
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(preset="small", size=Size(hidden=512, depth=3), steps=3_000, rows=512, warmup=100, average=0.995),
-    "tiny": Config(preset="tiny", size=Size(2, 16, 1), steps=4, rows=8, warmup=1, average=0.5, half=False),
+PRESETS: dict[str, TargetConfig] = {
+    "full": TargetConfig(),
+    "small": TargetConfig(
+        preset="small", size=TargetSize(hidden=512, depth=3), steps=3_000, rows=512, warmup=100, average=0.995
+    ),
+    "tiny": TargetConfig(preset="tiny", size=TargetSize(2, 16, 1), steps=4, rows=8, warmup=1, average=0.5, half=False),
 }
 """``full`` is for a GPU, ``small`` is useful on one CPU core in eight minutes, ``tiny`` is for tests."""
 
-PLAIN = Config(free_style=0.0, at_speed=0.0, strayed=0.0)
+PLAIN = TargetConfig(free_style=0.0, at_speed=0.0, strayed=0.0)
 """What validation draws with."""
 
 
@@ -77,25 +80,23 @@ def train(
     max_minutes: float | None = None,
     device: str = "cpu",
     seed: int = 0,
-    config: Config | None = None,
+    config: TargetConfig | None = None,
 ) -> loop.Outcome:
     """Trains, or goes on where ``run_dir`` stopped.
 
     config: in place of the preset's. Raises InputError for an unknown preset, databases that do not load, and a run
     folder of another config.
     """
-    if preset not in PRESETS:
-        raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    chosen = config or preset_of(PRESETS, preset)
     loaded = [database.load(path) for path in data]
     styles = tuple(sorted({style for one in loaded for style in one.styles}))
-    chosen = config or PRESETS[preset]
     size = replace(chosen.size, styles=len(styles))
     chosen = replace(chosen, seed=seed, size=size, styles=styles, **origin(loaded))
     training, held_out = divided(loaded, list(styles))
     return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes)
 
 
-def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
+def run(config: TargetConfig, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
     """The training itself, on frames that are already on their device."""
     device = data.hips.device
     torch.manual_seed(config.seed)
@@ -109,17 +110,13 @@ def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minut
 
     def update(step: int) -> Mapping[str, Tensor | float]:
         loop.set_learning_rate(optimizer, config.learning_rate * loop.cosine(step, config.steps, config.warmup, 0.01))
-        asked, true = draw(data, config, config.rows, generator)
-        total, each = losses(model, asked, true, config, generator)
-        optimizer.zero_grad(set_to_none=True)
-        total.backward()
-        torch.nn.utils.clip_grad_norm_(model.parameters(), config.clip)
-        optimizer.step()
-        average.update_parameters(model)
-        scalars: dict[str, Tensor | float] = {"loss": total.detach(), **each}
+        known, true = draw(data, config, config.rows, generator)
+        total, each = losses(model, known, true, config, generator)
+        descend(total, [model], optimizer, average, model, config.clip)
+        out = scalars(total, each)
         if (step + 1) % 500 == 0 or step + 1 == config.steps:
-            scalars |= ratios(cast(TargetPose, average.module), held_out, config)
-        return scalars
+            out |= ratios(cast(TargetPose, average.module), held_out, config)
+        return out
 
     return loop.run(
         run_dir, config, state, config.steps, update, samples_per_step=config.rows, checkpoint_every=500,
@@ -128,18 +125,18 @@ def run(config: Config, data: Frames, held_out: Frames, run_dir: Path, max_minut
 
 
 def losses(
-    model: TargetPose, asked: Asked, true: Tensor, config: Config, generator: torch.Generator
+    model: TargetPose, known: TargetInput, true: Tensor, config: TargetConfig, generator: torch.Generator
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """The loss and its terms; ``true``: the contacts of the target."""
-    x, place = model(asked)
-    posterior = model.recognise(x, place, asked)
+    x, place = model(known)
+    posterior = model.recognise(x, place, known)
     noise = torch.randn(posterior.mean.shape, generator=generator, device=x.device)
-    made = model.decode(x, place, asked, posterior.at(noise))
+    made = model.decode(x, place, known, posterior.at(noise))
     nats = divergence(posterior, Normal(torch.zeros_like(posterior.mean), torch.zeros_like(posterior.mean)))
-    wanted = joint_positions(asked.target_hips, to_matrix(asked.target_rotations))
+    wanted = joint_positions(known.target_hips, to_matrix(known.target_rotations))
     terms = {
         "position": F.l1_loss(joint_positions(made.hips, made.rotations), wanted),
-        "rotation": F.l1_loss(to_six(made.rotations), asked.target_rotations),
+        "rotation": F.l1_loss(to_six(made.rotations), known.target_rotations),
         "contact": F.binary_cross_entropy_with_logits(made.contacts, true),
         "nats": nats.sum(dim=-1).mean(),
     }
@@ -148,8 +145,8 @@ def losses(
 
 
 def draw(
-    data: Frames, config: Config, rows: int, generator: torch.Generator, given: parts.Parts | None = None
-) -> tuple[Asked, Float[Tensor, "row 4"]]:
+    data: Frames, config: TargetConfig, rows: int, generator: torch.Generator, given: parts.Parts | None = None
+) -> tuple[TargetInput, Float[Tensor, "row 4"]]:
     """Pairs of frames with parts of the second given, and what stands in it. With ``given`` those parts in all rows."""
     device = data.hips.device
 
@@ -158,14 +155,14 @@ def draw(
 
     target = torch.randint(len(data), (rows,), generator=generator, device=device)
     target = torch.maximum(target, torch.minimum(data.first[target] + 2, data.last[target]))
-    frames = torch.exp(uniform(rows) * math.log(LONGEST / 2.0) + math.log(2.0)).round().long()
+    frames = torch.exp(uniform(rows) * math.log(LONGEST_TARGET_FRAMES / 2.0) + math.log(2.0)).round().long()
     start = torch.maximum(target - frames, data.first[target])
     known = ((uniform(rows) < config.at_speed) & (start > data.first[start])).float()[:, None]
     velocity = (data.positions[start] - data.positions[(start - 1).clamp_min(0)]) * RATE
     label = data.style[target] * (uniform(rows) >= config.free_style)
     away = torch.randn(rows, 3, generator=generator, device=device) * (uniform(rows, 1) < config.strayed)
     joints, ground = masks(rows, generator, device) if given is None else _fixed(given, rows, device)
-    asked = Asked(
+    known = TargetInput(
         data.hips[start] + away * torch.tensor([0.5, 0.0, 0.5], device=device),
         data.rotations[start],
         velocity * known[..., None],
@@ -177,7 +174,7 @@ def draw(
         (target - start).clamp_min(1).float()[:, None],
         F.one_hot(label, config.size.styles + 1).float(),
     )
-    return asked, data.contacts[target]
+    return known, data.contacts[target]
 
 
 def masks(
@@ -204,17 +201,17 @@ def _fixed(given: parts.Parts, rows: int, device: torch.device) -> tuple[Tensor,
 
 
 @torch.no_grad()
-def set_statistics(model: TargetPose, data: Frames, config: Config, generator: torch.Generator) -> None:
+def set_statistics(model: TargetPose, data: Frames, config: TargetConfig, generator: torch.Generator) -> None:
     """Means and deviations of the input and of what is added, into the model's buffers."""
-    asked, _ = draw(data, config, 8192, generator)
-    x, place = model.numbers(asked)
+    known, _ = draw(data, config, 8192, generator)
+    x, place = model.numbers(known)
     model.mean.copy_(x.mean(dim=0))
     model.std.copy_(x.std(dim=0).clamp_min(1e-2))
-    model.residual_std.copy_(residual(place, asked).std(dim=0).clamp_min(1e-2))
+    model.residual_std.copy_(residual(place, known).std(dim=0).clamp_min(1e-2))
 
 
 @torch.no_grad()
-def ratios(model: TargetPose, data: Frames, config: Config, rows: int = 1024) -> dict[str, float]:
+def ratios(model: TargetPose, data: Frames, config: TargetConfig, rows: int = 1024) -> dict[str, float]:
     """On held-out pairs, for each group that may be given: the mean distance of the joints that are left free from the
     truth, over that of the start pose carried along."""
     model.eval()
@@ -222,11 +219,11 @@ def ratios(model: TargetPose, data: Frames, config: Config, rows: int = 1024) ->
     for name in [*parts.GROUPS, parts.GROUND]:
         given = parts.parse(name)
         generator = torch.Generator(data.hips.device).manual_seed(0)
-        asked, _ = draw(data, replace(PLAIN, size=config.size), rows, generator, given)
-        x, place = model(asked)
-        likeliest = model.decode(x, place, asked, x.new_zeros(rows, model.size.latent))
-        carried = posed(place, asked, x.new_zeros(rows, POSE))
-        wanted = joint_positions(asked.target_hips, to_matrix(asked.target_rotations))
+        known, _ = draw(data, replace(PLAIN, size=config.size), rows, generator, given)
+        x, place = model(known)
+        likeliest = model.decode(x, place, known, x.new_zeros(rows, model.size.latent))
+        carried = posed(place, known, x.new_zeros(rows, POSE))
+        wanted = joint_positions(known.target_hips, to_matrix(known.target_rotations))
         free = [joint for joint in range(JOINTS) if joint not in given.joints]
         wrong = [
             (joint_positions(hips, turned) - wanted)[:, free].norm(dim=-1).mean()
@@ -238,11 +235,6 @@ def ratios(model: TargetPose, data: Frames, config: Config, rows: int = 1024) ->
 
 def model_of(saved: Mapping[str, Any]) -> TargetPose:
     """The network of a checkpoint, ready to run."""
-    model = TargetPose(size_of(saved["config"]))
+    model = TargetPose(from_plain(TargetConfig, saved["config"]).size)
     checkpoint.average_into(model, saved)
     return model
-
-
-def size_of(config: Mapping[str, Any]) -> Size:
-    """The size that a run's config tells of."""
-    return Size(**config["size"])

@@ -14,19 +14,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.interpolate import CubicSpline
 
-from interpose.features import JOINTS
+from interpose.features import JOINTS, POSE
 
-ANCHORS = 8
-"""Frames that a plan of the gap has, evenly spaced in time, the keys not counted."""
-LONGEST_PLAN = 92
-"""Steps from start to target that a plan is trained for."""
-PRESS = 6
+SEAM_FRAMES = 6
 """Frames to either side of the seam that are smoothed, less and less."""
 
 STANDING = (0.13, 0.05, 0.13, 0.05)
-"""Metres below which ankle and toe of a lone key count as in contact (METHOD.md, part F)."""
+"""Metres below which ankle and toe of a lone key count as in contact."""
 
 
 @dataclass(frozen=True)
@@ -105,54 +100,18 @@ def shares(steps: int, buffer: int, both: bool = True) -> Float[ndarray, "frame"
     return out
 
 
-def pressed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float[ndarray, "batch frame *channel"]:
+def smoothed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Float[ndarray, "batch frame *channel"]:
     """Frames with both keys, smoothed where the chains meet: a binomial filter whose share, .6 at most, fades within
-    :data:`PRESS` frames of the middle. Short gaps are left as they are."""
-    if steps < 3 * PRESS:
+    :data:`SEAM_FRAMES` frames of the middle. Short gaps are left as they are."""
+    if steps < 3 * SEAM_FRAMES:
         return values
     smooth = values.copy()
     around = [values[:, 2 + shift : values.shape[1] - 2 + shift] for shift in (-2, -1, 0, 1, 2)]
     smooth[:, 2:-2] = sum(w * v for w, v in zip((1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16), around, strict=True))
-    away = np.abs(np.arange(steps + 1) - steps // 2 - 0.5) / PRESS
+    away = np.abs(np.arange(steps + 1) - steps // 2 - 0.5) / SEAM_FRAMES
     share = 0.6 * np.cos(0.5 * np.pi * np.minimum(away, 1.0)) ** 2
     share = share.reshape(-1, *[1] * (values.ndim - 2))
     return values + share * (smooth - values)
-
-
-_CURVE = CubicSpline(np.linspace(0.0, 1.0, ANCHORS + 2), np.eye(ANCHORS + 2)[:, 1:-1], axis=0, bc_type="natural")
-PIECES: Float[ndarray, "power piece anchor"] = _CURVE.c
-"""Coefficients of :func:`spread`, the cubic's first, over the time since a piece's beginning; a gap has length 1."""
-
-
-@lru_cache
-def spread(steps: int) -> Float[ndarray, "frame anchor"]:
-    """The weights that carry values at the :data:`ANCHORS` onto all frames, by a natural cubic spline that is nil at
-    both keys."""
-    out = np.asarray(_CURVE(np.arange(steps + 1) / steps))
-    out[[0, -1]] = 0.0
-    return out
-
-
-def ends_shapes(styles: int) -> dict[str, tuple[int, ...]]:
-    """The inputs of a plan, without the batch axis; world frame, metres, seconds.
-
-    For start and target: hips position, joint rotations as 6-D, joint positions, joint velocities, and 1 where those
-    are known. steps: from start to target. style: weights over (free, style 1, ...). path: root x and z and facing
-    (x, z) at the anchors, path_known 0 where there is none.
-    """
-    key = {"hips": (3,), "rotations": (JOINTS, 6), "positions": (JOINTS, 3), "velocities": (JOINTS, 3), "known": (1,)}
-    return {
-        **{f"{end}_{name}": shape for end in ("start", "target") for name, shape in key.items()},
-        "steps": (1,),
-        "style": (styles + 1,),
-        "path": (ANCHORS, 4),
-        "path_known": (1,),
-    }
-
-
-def plan_shapes(latent: int, styles: int) -> dict[str, tuple[int, ...]]:
-    """The inputs of a plan as a network by itself: what is known of the gap, and standard noise for its latents."""
-    return ends_shapes(styles) | {"noise": (latent,)}
 
 
 def body_shapes(turn: int) -> dict[str, tuple[int, ...]]:
@@ -171,7 +130,7 @@ def body_shapes(turn: int) -> dict[str, tuple[int, ...]]:
 def aim_shapes(turn: int) -> dict[str, tuple[int, ...]]:
     """What a step is led to, without the batch axis: the aim's pose, the frames left to it, and the base (hips, 6-D) at
     the current frame, the next one and the aim."""
-    pose = (3 + JOINTS * 6,)
+    pose = (POSE,)
     return {
         "aim_hips": (3,),
         "aim_rotations": (JOINTS, turn),
@@ -194,7 +153,8 @@ def memory_shapes(encoder: int, decoder: int) -> dict[str, tuple[int, ...]]:
 
 
 def latent_shapes(units: int, styles: int) -> dict[str, tuple[int, ...]]:
-    """latent: z of the gap, or the frame's noise; share: gamma of equation 2; style: as in :func:`ends_shapes`."""
+    """latent: z of the gap, or the frame's noise; share: gamma of equation 2; style: as in
+    `interpose.features.plan`."""
     return {"latent": (units,), "share": (1,), "style": (styles + 1,)}
 
 
@@ -207,7 +167,4 @@ def network_shapes(network: dict[str, Any], styles: int) -> dict[str, dict[str, 
     turn = 4 if network["form"] == "paper" else 6
     step = body_shapes(turn) | aim_shapes(turn) | memory_shapes(network["memory"], network["decoder_memory"])
     step |= latent_shapes(network["latent"], styles)
-    out = {"front": step, "back": step}
-    if network["planned"] or network["latents"] == "gap":
-        out["plan"] = plan_shapes(network["latent"], styles)
-    return out
+    return {"front": step, "back": step}

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 RATE = 30.0
 """Frames a second inside every model."""
 JOINTS = 22
+POSE = 3 + JOINTS * 6
+"""Numbers of a pose: the hips' position, then the joints' global rotations as 6-D."""
 CHANNELS = 10
 """Phase channels (section 3.1.2)."""
 KEYS = 13
@@ -21,7 +23,7 @@ KEY_STEP = 5
 HISTORY = SIDE_KEYS * KEY_STEP + 1
 """Frames of past that the window needs, the present one included."""
 CONTACTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
-LONGEST = 91
+LONGEST_ARRIVAL = 91
 """Longest time to arrival seen in training, in frames (3 s); longer ones are shown to the network as this."""
 
 
@@ -58,7 +60,7 @@ EXPERT_INPUT = Layout(
         ("target_rotation", JOINTS * 6),
         ("trajectory", KEYS * 6),  # X^R: position, facing, velocity on the ground
         ("speed_needed", JOINTS * 3),  # ours: (target - current) / seconds left
-        ("base_step", 3 + JOINTS * 6),  # ours: where the interpolation base leads, less the current pose
+        ("base_step", POSE),  # ours: where the interpolation base leads, less the current pose
         ("time", 2),  # ours: seconds left and 1 / frames left
         ("known", 2),  # ours: flags, velocity known and path given
     )
@@ -108,13 +110,12 @@ def control_shapes(styles: int) -> dict[str, tuple[int, ...]]:
     frames_left: to the target. style: weights over (free, style 1, ...). path: root position, facing and velocity at
     the 6 future keys. path_known: 0 where no path is given.
     """
-    pose = 3 + JOINTS * 6
     return {
         "target_hips": (3,),
         "target_rotations": (JOINTS, 6),
         "target_positions": (JOINTS, 3),
-        "base": (pose,),
-        "base_next": (pose,),
+        "base": (POSE,),
+        "base_next": (POSE,),
         "frames_left": (1,),
         "style": (styles + 1,),
         "path": (SIDE_KEYS, 6),

@@ -5,10 +5,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from interpose.models.planner import Ends
-from interpose.models.stitch_forms import Aim, Body
-from interpose.models.stitching_cvae import Latent, Memory
-from interpose.stitch_layout import (
+from interpose.features.stitch import (
     ANCHORS,
     Move,
     aim_shapes,
@@ -22,6 +19,9 @@ from interpose.stitch_layout import (
     shares,
     spread,
 )
+from interpose.models.planner import Ends
+from interpose.models.stitch_forms import Aim, Body
+from interpose.models.stitching_cvae import Latent, Memory
 
 LENGTHS = range(2, 121)
 BUFFERS = range(9)

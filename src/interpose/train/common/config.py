@@ -1,0 +1,97 @@
+"""Configs of trainings: frozen dataclasses of plain values, their presets, and the same from and to JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+import types
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from interpose.errors import InputError
+
+C = TypeVar("C")
+FROM_DATA = ("databases", "styles", "licence")
+"""Fields that a training takes from its databases, whatever a file says."""
+
+
+def to_plain(config: Any) -> dict[str, Any]:
+    """A config as JSON would give it back."""
+    return json.loads(json.dumps(asdict(config)))
+
+
+def from_plain(kind: type[C], values: Mapping[str, Any], base: C | None = None, place: str = "") -> C:
+    """A config of that kind from plain values; fields that are left out are those of ``base`` or the defaults.
+
+    Raises InputError for a field that the kind does not have, or a value of another type.
+    """
+    hints = get_type_hints(kind)
+    unknown = sorted(set(values) - {f.name for f in fields(kind)})  # type: ignore[arg-type]
+    if unknown:
+        raise InputError(f"the config has no field '{place}{unknown[0]}'; it has {', '.join(hints)}")
+    own = {} if base is None else {f.name: getattr(base, f.name) for f in fields(kind)}  # type: ignore[arg-type]
+    given = {name: _value(hints[name], value, own.get(name), f"{place}{name}") for name, value in values.items()}
+    return kind(**own | given)
+
+
+def _value(hint: Any, value: Any, base: Any, place: str) -> Any:
+    if get_origin(hint) in (Union, types.UnionType):
+        if value is None and type(None) in get_args(hint):
+            return None
+        (hint,) = (arg for arg in get_args(hint) if arg is not type(None))
+    if is_dataclass(hint):
+        if isinstance(value, Mapping):
+            return from_plain(hint, value, base, f"{place}.")  # type: ignore[type-var]
+    elif get_origin(hint) is tuple:
+        inner = get_args(hint)
+        if isinstance(value, list | tuple) and (inner[-1] is Ellipsis or len(inner) == len(value)):
+            each = inner[:1] * len(value) if inner[-1] is Ellipsis else inner
+            parts = enumerate(zip(each, value, strict=True))
+            return tuple(_value(kind, part, None, f"{place}[{i}]") for i, (kind, part) in parts)
+    elif get_origin(hint) is dict:
+        if isinstance(value, Mapping):
+            return dict(value)
+    elif isinstance(value, bool) is (hint is bool) and isinstance(value, (int, float) if hint is float else hint):
+        return value
+    raise InputError(f"the config's '{place}' cannot be {value!r}")
+
+
+def preset_of(presets: Mapping[str, C], name: str) -> C:
+    """A preset by its name. Raises InputError where there is none."""
+    if name not in presets:
+        raise InputError(f"no preset {name!r}; there are {', '.join(presets)}")
+    return presets[name]
+
+
+def read(path: Path, base: C, part: str | None = None) -> C:
+    """The config in a JSON file over ``base``: a run's `config.json`, a model's `model.json`, or some fields alone.
+
+    part: the field that holds the config of an earlier training, such as ``plan``, taken where the file is of a later
+    one. Raises InputError where it cannot be read or has a field that this training does not have.
+    """
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as JSON ({error})") from None
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: holds no JSON object; give config.json, model.json or an object of settings")
+    if "former_training" in values:
+        raise InputError(f"{path}: this model was trained by an older recipe, which cannot be repeated")
+    values = values.get("training", values)
+    if part is not None and isinstance(values.get(part), dict):
+        values = values[part]
+    try:
+        return from_plain(type(base), {k: v for k, v in values.items() if k not in FROM_DATA}, base)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def check_data(path: Path, run_dir: Path) -> None:
+    """Prints a warning where a config file names other databases than the run has."""
+    named, given = (json.loads(file.read_text(encoding="utf-8")) for file in (path, run_dir / "config.json"))
+    named = named.get("training", named).get("databases")
+    if named and set(named) != set(given["databases"]):
+        was, now = ", ".join(named), ", ".join(given["databases"])
+        print(f"warning: {path} was made from other data: {was}; this run has {now}", file=sys.stderr)
