@@ -154,6 +154,8 @@ def _humanoid() -> Skeleton:
 
 
 HUMANOID = _humanoid()
+MODEL_RATE = 30.0
+"""Frames a second inside models and databases."""
 """The 22 joints inside every model, LaFAN1's order, in a T-pose facing +Z, left at +X, frames equal to the world's."""
 
 MIRROR = tuple(

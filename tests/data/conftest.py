@@ -1,4 +1,4 @@
-"""BVH files of synthetic figures, written here so that the tests of `interpose prepare` need no other writer."""
+"""BVH files of synthetic motion, for the tests of `interpose prepare`."""
 
 from __future__ import annotations
 

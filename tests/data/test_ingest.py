@@ -248,7 +248,7 @@ def test_a_full_disk_stops_the_run_and_keeps_what_is_done(folder: Path, tmp_path
     assert not (tmp_path / "db" / "meta.json").exists()
 
 
-def test_a_figure_that_hovers_is_put_on_the_floor(tmp_path: Path, bvh: BvhText) -> None:
+def test_a_character_that_hovers_is_put_on_the_floor(tmp_path: Path, bvh: BvhText) -> None:
     clips = tmp_path / "clips"
     clips.mkdir()
     (clips / "hovering.bvh").write_text(bvh(frames=40, speed=0.0, lift=0.10))
@@ -288,6 +288,8 @@ def test_feet_that_never_rest_do_not_move_the_floor() -> None:
     [
         ("lafan1", "lafan1-excerpts/walk3_subject1_walk.bvh", 1.0),
         ("100style", "100style", 1.0),
+        ("o3de", "o3de-locomotion/walk/walkturns1.bvh", 1.0),
+        ("cmu", "cmu/walk/walking_extra_19_test.bvh", 1.0),
         ("bandai", "bandai-namco-2/dataset-2_walk_normal_001.bvh", 1.0),
         ("bandai", "bandai-namco-1/dataset-1_walk-back_normal_001.bvh", -1.0),
     ],

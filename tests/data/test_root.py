@@ -20,7 +20,7 @@ def about_y(angle: np.ndarray | float) -> np.ndarray:
 
 
 def turning(yaw: np.ndarray, seed: int | None = None) -> Motion:
-    """A figure that walks where it faces, with the given yaw a frame, its joints bent at random if seeded."""
+    """A character that walks where it faces, with the given yaw a frame, its joints bent at random if seeded."""
     frames = len(yaw)
     local = np.tile(rotation.IDENTITY, (frames, len(HUMANOID), 1))
     if seed is not None:

@@ -28,10 +28,9 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.skeleton import HUMANOID
+from interpose.skeleton import HUMANOID, MODEL_RATE
 
 DATABASE_VERSION = 1
-RATE = 30.0
 META_FILE = "meta.json"
 _ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "root_positions": ((3,), np.float32),
@@ -125,7 +124,7 @@ class Database:
         """The frames [start, stop) as a motion of the humanoid, in double precision."""
         turned: Float[ndarray, "frame 22 4"] = self.local_rotations[start:stop].astype(float)
         turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
-        return Motion(HUMANOID, self.root_positions[start:stop].astype(float), turned, RATE)
+        return Motion(HUMANOID, self.root_positions[start:stop].astype(float), turned, MODEL_RATE)
 
 
 def load(path: Path | str) -> Database:
@@ -142,8 +141,8 @@ def load(path: Path | str) -> Database:
     try:
         if meta["version"] != DATABASE_VERSION:
             raise InputError(f"{path} has version {meta['version']}, not {DATABASE_VERSION}; prepare it again")
-        if tuple(meta["joints"]) != HUMANOID.names or meta["rate"] != RATE:
-            raise InputError(f"{path} does not hold the 22 joints at {RATE:g} Hz; prepare it again")
+        if tuple(meta["joints"]) != HUMANOID.names or meta["rate"] != MODEL_RATE:
+            raise InputError(f"{path} does not hold the 22 joints at {MODEL_RATE:g} Hz; prepare it again")
         clips = tuple(_clip_info(entry) for entry in meta["clips"])
         dataset, licence, fingerprint = (str(meta[name]) for name in ("dataset", "licence", "fingerprint"))
         made_from = str(meta.get("made_from", ""))
@@ -190,7 +189,7 @@ def write(
         "version": DATABASE_VERSION,
         "dataset": dataset,
         "licence": licence,
-        "rate": RATE,
+        "rate": MODEL_RATE,
         "joints": HUMANOID.names,
         "styles": sorted({info.style for info, _ in clips} - {""}),
         "frames": int(stops[-1]),

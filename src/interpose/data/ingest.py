@@ -30,12 +30,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from interpose import motion as motions
 from interpose import retarget, rotation
 from interpose.data import contacts, database, root, sources
-from interpose.data.database import DATABASE_VERSION, RATE, ClipArrays, ClipInfo, Database
+from interpose.data.database import DATABASE_VERSION, ClipArrays, ClipInfo, Database
 from interpose.data.sources import FRAME_CUTS_RATE, SourceClip
 from interpose.errors import InputError
 from interpose.io import read
 from interpose.io.files import write_whole
 from interpose.motion import Motion
+from interpose.skeleton import MODEL_RATE
 
 MIN_CLIP_FRAMES = 2
 FLOOR_TOLERANCE = 0.03
@@ -62,7 +63,7 @@ class Report:
         styles = sorted({clip.style for clip in db.clips})
         rows = [(style, lengths[[clip.style == style for clip in db.clips]]) for style in styles]
         lines = [
-            f"# {db.dataset}: {len(db)} clips, {db.frames} frames, {_minutes(db.frames)} minutes at {RATE:g} Hz",
+            f"# {db.dataset}: {len(db)} clips, {db.frames} frames, {_minutes(db.frames)} minutes at {MODEL_RATE:g} Hz",
             "",
             f"Licence of the data: {db.licence}. {self.read} clips read in {self.seconds:.0f} s"
             f" ({lengths.sum() / max(self.seconds, 1e-3):.0f} frames a second), {len(db) - self.read} taken from an"
@@ -148,18 +149,18 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
     kept = at_rate(motion[start:stop])
     if len(kept) < MIN_CLIP_FRAMES:
         raise InputError(
-            f"{len(kept)} frames are left after the cut and at {RATE:g} Hz, at least {MIN_CLIP_FRAMES} are needed"
+            f"{len(kept)} frames are left after the cut and at {MODEL_RATE:g} Hz, at least {MIN_CLIP_FRAMES} are needed"
         )
     humanoid = retarget.to_humanoid(kept, mapping)
     positions = humanoid.global_positions()
-    height = floor_height(positions, RATE)
+    height = floor_height(positions, MODEL_RATE)
     raised = -height if abs(height) > FLOOR_TOLERANCE else 0.0
     place, positions = humanoid.root_positions + raised * root.UP, positions + raised * root.UP
     arrays = ClipArrays(
         place.astype(np.float32),
         rotation.continuous(humanoid.local_rotations).astype(np.float32),
-        root.trajectory(positions, RATE).astype(np.float32),
-        contacts.detect(positions, RATE).astype(np.uint8),
+        root.trajectory(positions, MODEL_RATE).astype(np.float32),
+        contacts.detect(positions, MODEL_RATE).astype(np.uint8),
     )
     info = ClipInfo(
         clip.name,
@@ -177,10 +178,10 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
 
 def at_rate(motion: Motion) -> Motion:
     """The motion at 30 Hz: every n-th frame of a rate that is a multiple (59.9988 counts as 60), else interpolated."""
-    every = round(motion.rate / RATE)
-    if every >= 1 and abs(motion.rate / (every * RATE) - 1.0) < 1e-3:
-        return replace(motion[::every], rate=RATE)
-    return motions.resample(motion, RATE)
+    every = round(motion.rate / MODEL_RATE)
+    if every >= 1 and abs(motion.rate / (every * MODEL_RATE) - 1.0) < 1e-3:
+        return replace(motion[::every], rate=MODEL_RATE)
+    return motions.resample(motion, MODEL_RATE)
 
 
 def floor_height(positions: Float[ndarray, "frame 22 3"], rate: float) -> float:
@@ -279,4 +280,4 @@ def _arrays(parts: Sequence[Path]) -> Iterator[ClipArrays]:
 
 
 def _minutes(frames: int) -> str:
-    return f"{frames / RATE / 60.0:.1f}"
+    return f"{frames / MODEL_RATE / 60.0:.1f}"

@@ -11,9 +11,9 @@ from jaxtyping import Float, Float32, Int64
 from numpy import ndarray
 
 from interpose import skeleton as kinematics
-from interpose.data.database import RATE, Database
+from interpose.data.database import Database
 from interpose.data.root import pose_yaw, turned
-from interpose.skeleton import HUMANOID, MIRROR
+from interpose.skeleton import HUMANOID, MIRROR, MODEL_RATE
 
 STYLE_CHANNELS = 2 * 3 * len(HUMANOID)
 """Of a frame: positions in metres, then velocities in metres a second."""
@@ -31,7 +31,7 @@ def style_channels(
     """
     world = kinematics.global_rotations(local, HUMANOID.parents)
     positions = kinematics.global_positions(root, world, HUMANOID.parents, HUMANOID.offsets)
-    steps = np.diff(positions, axis=-3) * RATE
+    steps = np.diff(positions, axis=-3) * MODEL_RATE
     velocities = np.concatenate([steps[..., :1, :, :], steps], axis=-3)
     back = -pose_yaw(world[..., 0, :])[..., None]
     placed = positions.copy()

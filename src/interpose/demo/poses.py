@@ -26,9 +26,8 @@ from scipy.spatial.transform import Rotation
 
 from interpose import rotation
 from interpose.motion import Motion
-from interpose.skeleton import HUMANOID, global_positions, global_rotations, local_rotations
+from interpose.skeleton import HUMANOID, MODEL_RATE, global_positions, global_rotations, local_rotations
 
-RATE = 30.0
 ANKLE, BALL = 0.0945, 0.020
 """Height of the ankle and of the toe joint above the sole of a flat foot, metres."""
 
@@ -286,7 +285,7 @@ def pose(source: Pose, ground: tuple[float, float] = (0.0, 0.0), heading: float 
     local = _levelled(source, bends)
     root = np.array([ground[0], -min(_soles(local).values()), ground[1]])
     local[0] = rotation.multiply(rotation.from_rotation_vector(np.deg2rad(heading) * _UP), local[0])
-    return Motion(HUMANOID, root[None], local[None], RATE)
+    return Motion(HUMANOID, root[None], local[None], MODEL_RATE)
 
 
 def _levelled(source: Pose, bends: Mapping[str, float]) -> Float[ndarray, "22 4"]:

@@ -25,6 +25,7 @@ from numpy import ndarray
 from interpose import io, rotation
 from interpose import skeleton as kinematics
 from interpose.errors import InputError
+from interpose.features import JOINTS
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -36,7 +37,6 @@ WINDOW, OFFSET = 65, 40
 SCALE_WINDOW, SCALE_OFFSET = 50, 20
 LENGTHS = (5, 15, 30, 45)
 """The official transition lengths."""
-JOINTS = 22
 
 
 @dataclass(frozen=True, eq=False)

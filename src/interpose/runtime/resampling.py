@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 
 from interpose import rotation
 from interpose.motion import Motion, sample
+from interpose.skeleton import MODEL_RATE
 
-MODEL_RATE = 30.0
 CONTEXT = 10
 """Known frames at that rate, the start key included, that a model is shown at most."""
 

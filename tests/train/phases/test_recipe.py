@@ -11,18 +11,18 @@ import torch
 
 from interpose import rotation
 from interpose.data import database, root
-from interpose.data.database import RATE, ClipArrays, ClipInfo, Database
+from interpose.data.database import ClipArrays, ClipInfo, Database
 from interpose.errors import InputError
 from interpose.models.periodic_autoencoder import PeriodicAutoencoder
 from interpose.motion import Motion, mirror, velocities
-from interpose.skeleton import HUMANOID
+from interpose.skeleton import HUMANOID, MODEL_RATE
 from interpose.train.common import loop
 from interpose.train.phases import extract, recipe
 
 
 def march(frames: int, hertz: float, heading: float) -> Motion:
     """Legs and arms that swing like pendulums on a straight line."""
-    seconds = np.arange(frames) / RATE
+    seconds = np.arange(frames) / MODEL_RATE
     swing = np.sin(2 * np.pi * hertz * seconds)
     turned = np.tile(rotation.IDENTITY, (frames, len(HUMANOID), 1))
     about_x = np.stack([swing, np.zeros(frames), np.zeros(frames)], axis=-1)
@@ -30,14 +30,14 @@ def march(frames: int, hertz: float, heading: float) -> Motion:
         turned[:, HUMANOID.index(name)] = rotation.from_rotation_vector(size * about_x)
     turned[:, 0] = rotation.from_rotation_vector(np.array([0.0, heading, 0.0]))
     ahead = hertz * seconds[:, None] * np.array([math.sin(heading), 0.0, math.cos(heading)])
-    return Motion(HUMANOID, ahead + np.array([0.0, 0.95, 0.0]), turned, RATE)
+    return Motion(HUMANOID, ahead + np.array([0.0, 0.95, 0.0]), turned, MODEL_RATE)
 
 
 def arrays(motion: Motion) -> ClipArrays:
     return ClipArrays(
         motion.root_positions.astype(np.float32),
         motion.local_rotations.astype(np.float32),
-        root.trajectory(motion.global_positions(), RATE).astype(np.float32),
+        root.trajectory(motion.global_positions(), MODEL_RATE).astype(np.float32),
         np.zeros((len(motion), 4), dtype=np.uint8),
     )
 
@@ -46,7 +46,8 @@ def arrays(motion: Motion) -> ClipArrays:
 def data(tmp_path_factory: pytest.TempPathFactory) -> Database:
     motions = [march(150, 0.8, 0.3), march(200, 1.2, -2.0), march(40, 1.0, 1.0), march(1, 1.0, 0.0)]
     infos = [
-        ClipInfo(f"march{i}", "", "Neutral", "", "", RATE, len(m), (0, len(m)), 0.0) for i, m in enumerate(motions)
+        ClipInfo(f"march{i}", "", "Neutral", "", "", MODEL_RATE, len(m), (0, len(m)), 0.0)
+        for i, m in enumerate(motions)
     ]
     return database.write(
         tmp_path_factory.mktemp("db"),
@@ -62,17 +63,17 @@ def test_velocities_do_not_depend_on_where_the_character_walks() -> None:
     for heading in (0.0, 2.5):
         motion = march(90, 1.0, heading)
         placed = motion.global_positions()
-        seen.append(extract.in_root_frame(placed, root.trajectory(placed, RATE)))
+        seen.append(extract.in_root_frame(placed, root.trajectory(placed, MODEL_RATE)))
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
     assert np.all(seen[0][:, HUMANOID.index("LeftArm"), 0] > 0.1)
 
 
 def test_the_low_pass_keeps_a_walk_in_place_and_drops_jitter() -> None:
-    seconds = np.arange(300) / RATE
+    seconds = np.arange(300) / MODEL_RATE
     walk = np.sin(2 * np.pi * seconds)
-    passed = extract.low_pass((walk + 0.5 * np.sin(2 * np.pi * 12 * seconds))[:, None], RATE)[:, 0]
+    passed = extract.low_pass((walk + 0.5 * np.sin(2 * np.pi * 12 * seconds))[:, None], MODEL_RATE)[:, 0]
     np.testing.assert_allclose(passed[30:-30], walk[30:-30], atol=0.02)
-    np.testing.assert_allclose(extract.low_pass(np.ones((1, 2)), RATE), 1.0)
+    np.testing.assert_allclose(extract.low_pass(np.ones((1, 2)), MODEL_RATE), 1.0)
 
 
 def test_windows_repeat_the_ends_of_their_clip_and_mirror_as_motions_do(data: Database) -> None:
@@ -85,8 +86,8 @@ def test_windows_repeat_the_ends_of_their_clip_and_mirror_as_motions_do(data: Da
     torch.testing.assert_close(plain[1, :, 50], curves.values[349])
     mirrored = mirror(data.clip(1))
     placed = mirrored.global_positions()
-    expected = velocities(extract.in_root_frame(placed, root.trajectory(placed, RATE)), RATE)
-    expected = extract.low_pass(expected, RATE).reshape(len(mirrored), -1)
+    expected = velocities(extract.in_root_frame(placed, root.trajectory(placed, MODEL_RATE)), MODEL_RATE)
+    expected = extract.low_pass(expected, MODEL_RATE).reshape(len(mirrored), -1)
     seen = extract.windows(curves, middle, torch.tensor([True, True]), 61)
     np.testing.assert_allclose(seen[1, :, 30], expected[340 - 150], atol=2e-3)
 
@@ -133,7 +134,7 @@ def test_phases_cycle_at_the_pace_of_the_march(trained: Path) -> None:
     steady = np.load(trained / "phases.npy")[0, 200:300].astype(float)
     strongest = int(np.argmax(np.linalg.norm(steady[..., :2], axis=-1).mean(axis=0)))
     turned = np.unwrap(np.arctan2(steady[:, strongest, 0], steady[:, strongest, 1])) / (2 * np.pi)
-    assert abs(turned[-1] - turned[0]) / (99 / RATE) == pytest.approx(1.2, rel=0.1)
+    assert abs(turned[-1] - turned[0]) / (99 / MODEL_RATE) == pytest.approx(1.2, rel=0.1)
 
 
 def test_a_killed_training_goes_on_exactly(data: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

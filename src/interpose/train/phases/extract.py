@@ -21,10 +21,10 @@ from numpy import ndarray
 from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
-from interpose.data.database import RATE, Database
+from interpose.data.database import Database
 from interpose.models.periodic_autoencoder import PeriodicAutoencoder, Phase
 from interpose.motion import velocities
-from interpose.skeleton import MIRROR
+from interpose.skeleton import MIRROR, MODEL_RATE
 from interpose.train.common.checkpoint import write_atomically
 
 CUT_OFF = 3.25
@@ -52,7 +52,8 @@ def velocity_curves(*databases: Database) -> Curves:
     for data in databases:
         for clip, (start, stop) in enumerate(data.ranges):
             placed = in_root_frame(data.clip(clip).global_positions(), data.root[start:stop].astype(float))
-            values.append(low_pass(velocities(placed, RATE), RATE).reshape(stop - start, -1).astype(np.float32))
+            passed = low_pass(velocities(placed, MODEL_RATE), MODEL_RATE)
+            values.append(passed.reshape(stop - start, -1).astype(np.float32))
             first.append(np.full(stop - start, count))
             last.append(np.full(stop - start, count + stop - start - 1))
             count += stop - start

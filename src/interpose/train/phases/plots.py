@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float16, Float32, Int64
 from numpy import ndarray
 
-from interpose.data.database import RATE, Database
+from interpose.data.database import Database
+from interpose.skeleton import MODEL_RATE
 from interpose.train.common.checkpoint import write_atomically
 
 
@@ -60,7 +61,7 @@ def clip(
         index = int(np.argmax([np.mean(_pace(data, clip)) for clip in range(len(data))]))
     start, stop = _middle(data.ranges[index], frames=180)
     points, frequency = features[start:stop, :, :2].astype(np.float32), features[start:stop, :, 2].astype(np.float32)
-    seconds = np.arange(stop - start) / RATE
+    seconds = np.arange(stop - start) / MODEL_RATE
     amplitude = np.linalg.norm(points, axis=-1)
 
     from matplotlib.figure import Figure

@@ -18,9 +18,10 @@ from torch import Tensor
 from torch.nn.functional import mse_loss
 
 from interpose.data import database
-from interpose.data.database import RATE, Database
+from interpose.data.database import Database
 from interpose.errors import InputError
 from interpose.models.periodic_autoencoder import PeriodicAutoencoder
+from interpose.skeleton import MODEL_RATE
 from interpose.train.common import checkpoint, loop
 from interpose.train.phases import plots
 from interpose.train.phases.extract import Curves, phase_features, save, velocity_curves, windows
@@ -72,7 +73,7 @@ def train(
     config = replace(PRESETS[preset], seed=seed, databases=names)
     torch.manual_seed(config.seed)
     model = PeriodicAutoencoder(
-        channels=config.channels, frames=config.frames, rate=RATE, normalised=config.normalised
+        channels=config.channels, frames=config.frames, rate=MODEL_RATE, normalised=config.normalised
     ).to(device)
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     draws = torch.Generator().manual_seed(config.seed)
@@ -116,7 +117,7 @@ def load_model(run_dir: Path) -> PeriodicAutoencoder:
     if saved is None:
         raise InputError(f"{run_dir} holds no trained autoencoder; make one with 'interpose train pae'")
     settings = {name: saved["config"][name] for name in ("channels", "frames", "normalised")}
-    model = PeriodicAutoencoder(rate=RATE, **settings)
+    model = PeriodicAutoencoder(rate=MODEL_RATE, **settings)
     model.load_state_dict(saved["model"])
     return model.eval()
 

@@ -18,12 +18,13 @@ from numpy import ndarray
 
 from interpose.data import database as databases
 from interpose.data import label_issues, style_windows
-from interpose.data.database import RATE, Database
+from interpose.data.database import Database
 from interpose.data.label_issues import DroppedStretch, JudgedWindows
 from interpose.errors import InputError
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 from interpose.render.sheet import SheetRow, contact_sheet
+from interpose.skeleton import MODEL_RATE
 from interpose.train.style.classifier import Recipe, fit, probabilities
 
 FOLDS = 5
@@ -190,7 +191,8 @@ def draw(data: Database, runs: list[DroppedStretch], out: Path) -> list[Path]:
         frames = sum(r.stop - r.start for r in lost[style])
         files.append(out / f"dropped-{style}.png")
         heading = f"{style}: {frames} frames lose this label"
-        contact_sheet(files[-1], [_row(data, run) for run in chosen], heading, f"at most {SHOWN / RATE:g} s of each")
+        longest = f"at most {SHOWN / MODEL_RATE:g} s of each"
+        contact_sheet(files[-1], [_row(data, run) for run in chosen], heading, longest)
     return files
 
 
