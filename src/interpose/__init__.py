@@ -8,10 +8,14 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from interpose.errors import InputError as InputError
+
+# Before ONNX Runtime is imported: otherwise it writes a device id under the home folder and looks up a collector.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 if TYPE_CHECKING:
     from interpose.io import read as read

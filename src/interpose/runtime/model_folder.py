@@ -10,8 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # before its import: it writes a device id and looks up a collector
-
 import numpy as np
 import onnxruntime
 from jaxtyping import Float
