@@ -96,4 +96,4 @@ def t_pose(frames: int = 5, **turned: tuple[str, float]) -> ndarray:
 
 def standing(frames: int) -> Motion:
     """A T-pose at the origin, 50 frames a second."""
-    return Motion(h36m.SKELETON, np.zeros((frames, 3)), np.tile(rotation.IDENTITY, (frames, 21, 1)), 50.0)
+    return Motion(h36m.H36M_SKELETON, np.zeros((frames, 3)), np.tile(rotation.IDENTITY, (frames, 21, 1)), 50.0)

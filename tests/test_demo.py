@@ -9,7 +9,7 @@ from rich.console import Console
 
 from interpose import InputError, Motion, io, rotation
 from interpose.demo import poses, run, scenes
-from interpose.mannequin import figure
+from interpose.mannequin import mannequin
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
 from interpose.runtime.model import Model
@@ -40,7 +40,7 @@ def test_a_pose_stands_on_the_floor(name: str) -> None:
     made = poses.pose(source, (0.4, -0.2), 35.0)
     at, turned = made.global_positions()[0], made.global_rotations()[0]
     np.testing.assert_allclose(made.root_positions[0, [0, 2]], [0.4, -0.2])
-    vertices, _ = figure(HUMANOID).posed(at, turned)
+    vertices, _ = mannequin(HUMANOID).posed(at, turned)
     assert abs(vertices[:, 1].min()) < 0.01
     for side in source.flat:
         assert at[HUMANOID.index(side + "Foot"), 1] == pytest.approx(poses.ANKLE, abs=2e-3)

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from interpose import InputError, Motion, Skeleton, render, rotation
-from interpose.mannequin import figure
+from interpose.mannequin import mannequin
 from interpose.render import drawing
 from interpose.render.cast import cast
 from interpose.skeleton import HUMANOID
@@ -101,7 +101,7 @@ def test_the_camera_puts_its_heading_right_and_what_is_near_in_front() -> None:
 
 
 def test_the_nearer_figure_hides_the_farther_whatever_the_order() -> None:
-    shape, motion = figure(HUMANOID, 3), walk(1)
+    shape, motion = mannequin(HUMANOID, 3), walk(1)
     at, turned = motion.global_positions()[0], motion.global_rotations()[0]
     toward = np.array([0.0, 0.0, 2.0])
     camera = drawing.look(np.array([1.0, 0.0, 0.0]), np.zeros(3), (60.0, 110.0), 55.0, elevation=0.0)

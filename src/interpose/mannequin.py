@@ -25,7 +25,7 @@ _X, _Y, _Z = np.eye(3)
 
 
 @dataclass(frozen=True)
-class Figure:
+class Mannequin:
     """Triangles fixed to the joints of a skeleton.
 
     vertices, normals: (vertex, 3) in the frame of the joint that carries them, metres and unit vectors.
@@ -116,8 +116,8 @@ def _capsule(
     return loft(a + along[:, None] * axis, across, np.cross(axis, across), half, segments=4 * detail)
 
 
-def assemble(pieces: Sequence[_Piece]) -> Figure:
-    """One figure from closed pieces, with normals averaged over the triangles around each vertex by area."""
+def assemble(pieces: Sequence[_Piece]) -> Mannequin:
+    """One mannequin from closed pieces, with normals averaged over the triangles around each vertex by area."""
     starts = np.cumsum([0, *(len(p.vertices) for p in pieces)])
     vertices = np.concatenate([p.vertices for p in pieces])
     triangles = np.concatenate([p.triangles + start for p, start in zip(pieces, starts, strict=False)])
@@ -127,7 +127,7 @@ def assemble(pieces: Sequence[_Piece]) -> Figure:
     for k in range(3):
         np.add.at(normals, triangles[:, k], area)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Figure(
+    return Mannequin(
         vertices,
         normals,
         np.concatenate([np.full(len(p.vertices), p.joint) for p in pieces]),
@@ -136,14 +136,14 @@ def assemble(pieces: Sequence[_Piece]) -> Figure:
     )
 
 
-def figure(source: Skeleton | Motion, detail: int = 5) -> Figure:
+def mannequin(source: Skeleton | Motion, detail: int = 5) -> Mannequin:
     """The mannequin of a skeleton; ``detail`` is a quarter of the number of vertices around a limb.
 
     Given a motion, its frames help to recognise a humanoid whose rest pose says nothing.
     """
     skeleton = source.skeleton if isinstance(source, Motion) else source
     body = _humanoid(source)
-    pieces = _creature(skeleton, detail) if body is None else _mannequin(body, detail)
+    pieces = _creature(skeleton, detail) if body is None else _human(body, detail)
     return assemble(pieces)
 
 
@@ -180,7 +180,7 @@ def _creature(skeleton: Skeleton, detail: int) -> list[_Piece]:
 
 
 @dataclass(frozen=True)
-class _Body:
+class _Humanoid:
     """Where the humanoid's joints are on a skeleton, and how the T-pose's axes are turned into each one's own frame."""
 
     joints: dict[str, int]
@@ -196,7 +196,7 @@ class _Body:
         return rotation.rotate(rotation.inverse(self.frames[name]), bone)
 
 
-def _humanoid(source: Skeleton | Motion) -> _Body | None:
+def _humanoid(source: Skeleton | Motion) -> _Humanoid | None:
     """None where the skeleton is no humanoid, or where much of it (more legs, a tail) has no counterpart in one."""
     try:
         found = mapping.map_skeleton(source)
@@ -209,10 +209,10 @@ def _humanoid(source: Skeleton | Motion) -> _Body | None:
     rest = found.skeleton.offsets.copy()
     for joint, parent in enumerate(found.skeleton.parents[1:], start=1):
         rest[joint] += rest[parent]
-    return _Body(joints, frames, rest) if "Head" in joints else None
+    return _Humanoid(joints, frames, rest) if "Head" in joints else None
 
 
-def _mannequin(body: _Body, detail: int) -> list[_Piece]:
+def _human(body: _Humanoid, detail: int) -> list[_Piece]:
     """Sizes are those of an adult whose leg (hip to ankle) measures .86 m, scaled to the leg at hand."""
     leg = np.linalg.norm(body.reach("LeftUpLeg", "LeftLeg")) + np.linalg.norm(body.reach("LeftLeg", "LeftFoot"))
     s = float(leg) / 0.86

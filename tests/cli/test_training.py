@@ -84,7 +84,7 @@ def test_prepare_reads_amass(tmp_path, run):
     assert re.search(r"\bNC\b", db.licence)
     skipped = dict(db.skipped)
     assert skipped["CMU/01/shape.npz"] == "it holds a body's shape and no motion"
-    assert skipped["CMU/01/01_02_poses.npz"].startswith("CMU/01/01_02_poses.npz: holds no 'poses', so no motion")
+    assert skipped["CMU/01/01_02_poses.npz"].startswith("CMU/01/01_02_poses.npz: has no 'poses', so no motion")
     assert "damaged" in skipped["CMU/01/01_03_poses.npz"]
     assert all(f"| {file} | {why} |" in out for file, why in db.skipped)
     walked = np.diff(db.root[30:, :2], axis=0) * 30.0

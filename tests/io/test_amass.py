@@ -1,4 +1,4 @@
-"""AMASS files that the tests write themselves: poses whose joints are known, all widths, and every way to be wrong."""
+"""AMASS files that the tests write themselves: poses whose joints are known, all widths, and every kind of damage."""
 
 from __future__ import annotations
 
@@ -41,24 +41,24 @@ def at(motion: Motion, name: str, frame: int = 0) -> ndarray:
 
 
 def test_the_joints_are_those_of_the_body_models_in_their_order() -> None:
-    ours = [name.lower() for name in amass.SKELETON.names]
+    ours = [name.lower() for name in amass.SMPL_SKELETON.names]
     assert ours == [name.replace("left_", "l_").replace("right_", "r_") for name in NAMES]
-    parents = [amass.SKELETON.names[p] if p >= 0 else "" for p in amass.SKELETON.parents]
-    above = dict(zip(amass.SKELETON.names, parents, strict=True))
+    parents = [amass.SMPL_SKELETON.names[p] if p >= 0 else "" for p in amass.SMPL_SKELETON.parents]
+    above = dict(zip(amass.SMPL_SKELETON.names, parents, strict=True))
     assert (above["L_Collar"], above["Neck"], above["L_Hip"]) == ("Spine3", "Spine3", "Pelvis")
     assert (above["R_Wrist"], above["R_Foot"], above["Spine3"]) == ("R_Elbow", "R_Ankle", "Spine2")
-    flipped = amass.SKELETON.offsets * np.array([-1.0, 1.0, 1.0])
+    flipped = amass.SMPL_SKELETON.offsets * np.array([-1.0, 1.0, 1.0])
     for name in ("Hip", "Knee", "Ankle", "Foot", "Collar", "Shoulder", "Elbow", "Wrist"):
-        left, right = (amass.SKELETON.index(side + name) for side in ("L_", "R_"))
-        np.testing.assert_allclose(amass.SKELETON.offsets[right], flipped[left])
+        left, right = (amass.SMPL_SKELETON.index(side + name) for side in ("L_", "R_"))
+        np.testing.assert_allclose(amass.SMPL_SKELETON.offsets[right], flipped[left])
 
 
 def test_a_t_pose_stands_on_the_floor_looking_along_z_with_its_left_at_x() -> None:
     motion = parsed(amass_arrays())
     assert (len(motion), motion.rate) == (3, 120.0)
     sums = np.zeros((22, 3))
-    for joint, parent in enumerate(amass.SKELETON.parents[1:], start=1):
-        sums[joint] = sums[parent] + amass.SKELETON.offsets[joint]
+    for joint, parent in enumerate(amass.SMPL_SKELETON.parents[1:], start=1):
+        sums[joint] = sums[parent] + amass.SMPL_SKELETON.offsets[joint]
     np.testing.assert_allclose(motion.global_positions() - motion.root_positions[:, None], [sums] * 3, atol=1e-9)
     assert at(motion, "left_wrist")[0] > 0.6
     assert at(motion, "right_wrist")[0] < -0.6
@@ -147,7 +147,7 @@ def test_what_else_a_file_holds_is_not_looked_at(tmp_path: Path) -> None:
     assert len(io.read(tmp_path / "clip.npz")) == 3
 
 
-@given(motion=motions(st.just(amass.SKELETON)))
+@given(motion=motions(st.just(amass.SMPL_SKELETON)))
 def test_a_motion_written_as_amass_comes_back(motion: Motion) -> None:
     """Written here with matrices: the world turned so that Z is up, and each joint's logarithm taken."""
     stand = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -184,16 +184,16 @@ def pickled(tmp_path: Path) -> Any:
 
 
 CASES: dict[str, tuple[dict[str, Any], str]] = {
-    "a body's shape": ({"poses": None, "trans": None, "mocap_framerate": None}, "holds no 'poses', so no motion"),
-    "no translation": ({"trans": None}, "holds no 'trans'"),
-    "no rate": ({"mocap_framerate": None}, "says no frame rate; expected mocap_framerate or mocap_frame_rate"),
+    "a body's shape": ({"poses": None, "trans": None, "mocap_framerate": None}, "has no 'poses', so no motion"),
+    "no translation": ({"trans": None}, "has no 'trans'"),
+    "no rate": ({"mocap_framerate": None}, "has no frame rate; expected mocap_framerate or mocap_frame_rate"),
     "rate zero": ({"mocap_framerate": 0.0}, "frame rate 'mocap_framerate' is 0, expected one number from 1 to 1000"),
     "rate infinite": ({"mocap_framerate": np.inf}, "'mocap_framerate' holds inf"),
     "rate a text": ({"mocap_framerate": "fast"}, "'mocap_framerate' holds <U4, expected real numbers"),
     "two rates": ({"mocap_framerate": [30.0, 60.0]}, "is 2 numbers"),
     "no frames": ({"poses": np.zeros((0, 156)), "trans": np.zeros((0, 3))}, "'poses' has no rows"),
     "one row": ({"poses": np.zeros(156)}, "'poses' is (156,), expected"),
-    "another width": ({"poses": np.zeros((3, 63))}, "156 of SMPL-H, 165 of SMPL-X, 72 of SMPL"),
+    "another width": ({"poses": np.zeros((3, 63))}, "156 (SMPL-H), 165 (SMPL-X), 72 (SMPL) columns"),
     "three axes": ({"poses": np.zeros((3, 52, 3))}, "'poses' is (3, 52, 3), expected"),
     "translation too short": ({"trans": np.zeros((2, 3))}, "'trans' is (2, 3), expected (3, 3)"),
     "translation a plane": ({"trans": np.zeros((3, 2))}, "'trans' is (3, 2), expected (3, 3)"),
@@ -203,23 +203,23 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a number": ({"poses": None, "root_orient": 1.0, "pose_body": 1.0}, "are () and ()"),
     "nan in the pose": ({"poses": np.full((3, 156), np.nan)}, "'poses' row 1 holds nan"),
-    "nan in the way": ({"trans": np.array([[0.0] * 3, [0, np.nan, 0], [0] * 3])}, "'trans' row 2 holds nan"),
+    "nan in the translation": ({"trans": np.array([[0.0] * 3, [0, np.nan, 0], [0] * 3])}, "'trans' row 2 holds nan"),
     "beyond the horizon": ({"trans": np.full((3, 3), 1e5)}, "'trans' row 1 holds 100000"),
     "unwound": ({"poses": np.full((3, 156), 1e300)}, "'poses' row 1 holds 1e+300"),
     "complex": ({"poses": np.zeros((3, 156), complex)}, "'poses' holds complex128, expected real numbers"),
     "text": ({"poses": np.full((3, 156), "x")}, "'poses' holds <U1, expected real numbers"),
-    "a hand": ({"surface_model_type": "mano"}, "is of the model 'mano', expected a body's, smpl, smplh, smplx"),
+    "a hand": ({"surface_model_type": "mano"}, "is of the model 'mano', expected a body model (smpl, smplh, smplx)"),
     "bytes": ({"surface_model_type": np.array(b"animal")}, "is of the model 'animal'"),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> None:
-    change, said = CASES[case]
+    change, message = CASES[case]
     with pytest.raises(InputError) as refused:
         parsed(amass_arrays() | change)
     assert str(refused.value).startswith("clip.npz: ")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -238,21 +238,21 @@ def test_a_model_type_that_is_pickled_does_not_matter(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b"", "the file is empty"),
-        (b"HIERARCHY\n", "not an .npz file of AMASS, or damaged"),
-        (b"PK\x03\x04 and no more", "not an .npz file of AMASS, or damaged"),
-        (b"\x80\x04K\x01.", "not an .npz file of AMASS, or damaged"),
+        (b"HIERARCHY\n", "not an AMASS .npz file, or damaged"),
+        (b"PK\x03\x04 and no more", "not an AMASS .npz file, or damaged"),
+        (b"\x80\x04K\x01.", "not an AMASS .npz file, or damaged"),
     ],
 )
-def test_what_is_no_archive_is_refused(data: bytes, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_archive_is_refused(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         amass.parse(data, "clip.npz")
 
 
 def test_a_lone_array_is_refused() -> None:
-    with pytest.raises(InputError, match="one array and no archive"):
+    with pytest.raises(InputError, match="a single array"):
         amass.parse(npy(np.zeros((3, 156))), "clip.npz")
 
 

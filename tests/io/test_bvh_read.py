@@ -193,7 +193,7 @@ def trees(draw: st.DrawFn) -> list[tuple[int, tuple[str, ...], list[float]]]:
         while chain[-1] > 0:
             chain.append(joints[chain[-1]][0])
         count = draw(st.integers(0 if index else 1, 6))
-        names = draw(st.permutations(bvh_layout.CHANNELS))[:count]
+        names = draw(st.permutations(bvh_layout.CHANNEL_NAMES))[:count]
         offset = draw(st.lists(st.integers(-500, 500).map(lambda n: n / 10), min_size=3, max_size=3))
         joints.append((draw(st.sampled_from(chain)), tuple(names), offset))
     return joints

@@ -97,7 +97,7 @@ def test_verbatim_must_fit(humanoid_text: Callable[..., str]) -> None:
     with pytest.raises(ValueError, match="outside the 3 written or the 3 read"):
         bvh.serialize(clip, unchanged_rows={0: -1})
     longer = replace(clip.skeleton, offsets=clip.skeleton.offsets * 2.0)
-    with pytest.raises(ValueError, match="only where the motion has the skeleton"):
+    with pytest.raises(ValueError, match="only while the motion has the skeleton"):
         bvh.serialize(replace(clip, skeleton=longer), unchanged_rows={0: 0})
 
 

@@ -35,7 +35,7 @@ def test_a_device_is_written_to_and_stays() -> None:
 
 def test_what_cannot_be_written_is_an_input_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(InputError, match="is a folder, give a file name"):
+    with pytest.raises(InputError, match="is a folder; give a file name"):
         files.write_whole(tmp_path, b"new")
     with pytest.raises(InputError, match=r"the folder .*absent does not exist"):
         files.write_whole(tmp_path / "absent" / "out.bvh", b"new")

@@ -11,7 +11,7 @@ import pytest
 
 from interpose import InputError, Motion, Skeleton, io, rotation
 from interpose.io import gltf
-from interpose.mannequin import figure
+from interpose.mannequin import mannequin
 from interpose.skeleton import HUMANOID
 
 TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -93,7 +93,7 @@ def test_a_viewer_shows_each_frame_as_the_package_poses_it(tmp_path: Path, skele
     document = pygltflib.GLTF2().load(str(tmp_path / "out.glb"))
     assert document is not None
     assert [a.name for a in document.animations] == ["walk"]
-    shape = figure(motion, 4)
+    shape = mannequin(motion, 4)
     for frame in range(len(motion)):
         vertices, _ = shape.posed(motion.global_positions()[frame], motion.global_rotations()[frame])
         used = [np.unique(shape.triangles[shape.sides == side]) for side in gltf.MATERIALS]
@@ -133,7 +133,7 @@ def test_positions_lie_within_their_stated_bounds(tmp_path: Path) -> None:
 
 def test_surfaces_are_closed_and_face_outwards() -> None:
     for skeleton in (HUMANOID, spider()):
-        shape = figure(skeleton)
+        shape = mannequin(skeleton)
         edges = np.concatenate([shape.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
         there = {tuple(e) for e in edges.tolist()}
         assert len(there) == len(edges)

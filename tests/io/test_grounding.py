@@ -1,4 +1,4 @@
-"""How large a performer is and where the floor lies, on rigid figures whose toes are put where they shall be."""
+"""The performer's size and the floor, on rigid bodies with toes in known positions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
 
 
 def rocking(size: float, frames: int = 200, rate: float = 60.0, height: float = 0.3) -> Motion:
-    """A T-pose that rocks to and fro about its toes, which stay at ``height``: the root's way is that of a body of
-    ``size``, the skeleton is ours."""
+    """A T-pose that rocks about its toes, which stay at ``height``: the root moves like that of a body of ``size``, the
+    skeleton is ours."""
     angle = 0.4 * np.sin(2.0 * np.arange(frames) / rate)
     turned = np.tile(rotation.IDENTITY, (frames, len(HUMANOID), 1))
     turned[:, 0] = rotation.from_rotation_vector(angle[:, None] * np.array([1.0, 0.0, 0.0]))
@@ -38,11 +38,11 @@ def test_the_size_is_that_at_which_standing_toes_do_not_slide(size: float) -> No
     np.testing.assert_allclose(fitted.skeleton.offsets, size * HUMANOID.offsets)
 
 
-def test_sizes_out_of_the_ordinary_are_not_believed() -> None:
-    assert grounding.size(rocking(0.65), TOES) == grounding.SIZES[0]
+def test_implausible_sizes_are_clipped() -> None:
+    assert grounding.size(rocking(0.65), TOES) == grounding.SIZE_RANGE[0]
 
 
-def test_feet_that_do_not_tell_leave_the_size_as_it_is() -> None:
+def test_feet_that_do_not_show_the_size_leave_it_as_it_is() -> None:
     motion = rocking(0.9)
     standing = motion[:1]
     assert grounding.size(standing, TOES) == 1.0

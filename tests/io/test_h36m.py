@@ -31,13 +31,14 @@ def bone(motion: Motion, start: str, end: str, frame: int = -1) -> ndarray:
 
 
 def test_the_joints_and_their_places_among_the_32_are_the_published_ones() -> None:
-    names = h36m.SKELETON.names
+    names = h36m.H36M_SKELETON.names
     assert set(names) == set(BODY)
-    for name, parent in zip(names[1:], h36m.SKELETON.parents[1:], strict=True):
+    for name, parent in zip(names[1:], h36m.H36M_SKELETON.parents[1:], strict=True):
         assert PARENTS[BODY[name]] == BODY[names[parent]]
     for name in names:
         if name.startswith("Left"):
-            left, right = (h36m.SKELETON.offsets[h36m.SKELETON.index(n)] for n in (name, name.replace("Left", "Right")))
+            other = name.replace("Left", "Right")
+            left, right = (h36m.H36M_SKELETON.offsets[h36m.H36M_SKELETON.index(n)] for n in (name, other))
             np.testing.assert_allclose(left, right * np.array([-1.0, 1.0, 1.0]))
 
 
@@ -135,7 +136,7 @@ def test_toes_in_one_place_and_toes_that_are_never_still_leave_up_as_it_is() -> 
     assert h36m.up(flying) == pytest.approx([0.0, 1.0, 0.0])
 
 
-@given(motion=motions(st.just(h36m.SKELETON)))
+@given(motion=motions(st.just(h36m.H36M_SKELETON)))
 def test_a_motion_written_as_exponential_maps_comes_back(motion: Motion) -> None:
     """Seen from its first pelvis, for the file does not say where that is. Single poses: steps would be too long."""
     for frame in range(len(motion)):
@@ -143,8 +144,8 @@ def test_a_motion_written_as_exponential_maps_comes_back(motion: Motion) -> None
         np.testing.assert_allclose(from_pelvis(back), from_pelvis(motion[frame]), atol=1e-5)
 
 
-@given(motion=motions(st.just(h36m.SKELETON)), seed=st.integers(0, 100))
-def test_the_way_of_the_root_comes_back(motion: Motion, seed: int) -> None:
+@given(motion=motions(st.just(h36m.H36M_SKELETON)), seed=st.integers(0, 100))
+def test_the_root_path_comes_back(motion: Motion, seed: int) -> None:
     rng = np.random.default_rng(seed)
     frames = 30
     root = np.cumsum(rng.normal(0.0, 0.02, (frames, 3)), axis=0)
@@ -152,9 +153,9 @@ def test_the_way_of_the_root_comes_back(motion: Motion, seed: int) -> None:
     for frame in range(1, frames):
         step = rotation.from_rotation_vector(rng.normal(0.0, 0.05, 3))
         turned[frame, 0] = rotation.multiply(turned[frame - 1, 0], step)
-    drifting = Motion(h36m.SKELETON, root, turned, 50.0)
+    drifting = Motion(h36m.H36M_SKELETON, root, turned, 50.0)
     back = parsed(exponential_maps(drifting))
-    if np.array_equal(back.skeleton.offsets, h36m.SKELETON.offsets):  # its toes may happen to tell another size
+    if np.array_equal(back.skeleton.offsets, h36m.H36M_SKELETON.offsets):  # its toes may happen to tell another size
         np.testing.assert_allclose(from_pelvis(back), from_pelvis(drifting), atol=1e-4)
 
 
@@ -193,12 +194,12 @@ CASES: dict[str, tuple[bytes, str]] = {
     "blank": (b"\n \r\n\n", "walking_1.txt: the file is empty"),
     "a column too few": (
         h36m_text(t_pose()[:, 1:]),
-        "line 1: 98 fields with commas between them, expected the 99 numbers",
+        "line 1: 98 comma-separated fields, expected the 99 numbers",
     ),
-    "blanks for commas": (h36m_text(t_pose()).replace(b",", b" "), "line 1: 1 fields"),
+    "blanks for commas": (h36m_text(t_pose()).replace(b",", b" "), "line 1: 1 comma-separated fields"),
     "cut short": (h36m_text(t_pose())[:-400], "line 5: "),
-    "prose": (b"Please cite our paper.\n", "line 1: 1 fields"),
-    "binary": (b"\x89PNG\r\n\x1a\n\0\0" * 9, "line 1: 1 fields"),
+    "prose": (b"Please cite our paper.\n", "line 1: 1 comma-separated fields"),
+    "binary": (b"\x89PNG\r\n\x1a\n\0\0" * 9, "line 1: 1 comma-separated fields"),
     "a word": (changed(2, 50, "walking"), "line 3: 'walking' is not a number"),
     "a hole": (changed(1, 7, " "), "line 2: '' is not a number"),
     "nan": (changed(3, 98, "nan"), "line 4: holds nan or infinity"),
@@ -206,19 +207,22 @@ CASES: dict[str, tuple[bytes, str]] = {
     "unwound": (changed(1, 60, 1e9), "line 2: holds an angle of more than a thousand radians"),
     "places for steps": (
         changed(0, 1, 900.0),
-        "line 1: moves the root by more than 0.3 m; columns 1 to 6 must be steps",
+        "line 1: moves the root by more than 0.3 m; columns 1 to 6 must be differences",
     ),
-    "turned for turns": (changed(4, 3, 1.5), "line 5: turns the root by more than 1 rad; columns 1 to 6 must be steps"),
+    "turned for turns": (
+        changed(4, 3, 1.5),
+        "line 5: rotates the root by more than 1 rad; columns 1 to 6 must be differences",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_file_that_is_no_whole_motion_is_refused_in_one_line(case: str) -> None:
-    data, said = CASES[case]
+    data, message = CASES[case]
     with pytest.raises(InputError) as refused:
         h36m.parse(data, "walking_1.txt")
     assert str(refused.value).startswith("walking_1.txt")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 

@@ -51,7 +51,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_large_files_are_refused(save: Save, two_joints: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path = save(two_joints)
     monkeypatch.setattr(motion_files, "read_whole", lambda path: files.read_whole(path, limit=2**8))
-    with pytest.raises(InputError, match="larger than 0 MB, cut it"):
+    with pytest.raises(InputError, match="larger than 0 MB; cut it"):
         io.read(path)
 
 

@@ -1,19 +1,18 @@
-"""Reading AMASS: motion capture as the pose parameters of a body model, `.npz` (Mahmood et al. 2019, `AMASS`).
+"""Reads AMASS: motion capture as pose parameters of a body model, `.npz` (Mahmood et al. 2019, `AMASS`).
 
-    poses                     (frame, 156) SMPL-H, (frame, 165) SMPL-X or (frame, 72) SMPL: axis-angle, radians; the
-                              first 22 joints are the same in all three, the others are hands and face
-    root_orient, pose_body    (frame, 3), (frame, 63): the same 22 joints, where a file has them instead
+    poses                     (frame, 156) SMPL-H, (frame, 165) SMPL-X or (frame, 72) SMPL: axis-angle, radians; all
+                              three start with the same 22 joints, the rest are hands and face
+    root_orient, pose_body    (frame, 3), (frame, 63): the same 22 joints, in files that split them
     trans                     (frame, 3) metres, Z up
     mocap_framerate           frames a second; mocap_frame_rate in SMPL-X files
-    surface_model_type        smplx, smplh or smpl, where a file says it
+    surface_model_type        smplx, smplh or smpl; optional
 
-The bone lengths are in the body model, which has a licence of its own and is not used here; ``betas``, which mean
-something to it alone, are not read. The poses go on a skeleton of our own in the same T-pose (all rotations zero: Y up,
-facing +Z, left at +X, every joint's frame the body's), made as large as the performer by `interpose.io.grounding`.
+Bone lengths are part of the body model, which has its own licence and is not used here, so ``betas`` are not read. The
+poses go on our own skeleton in the same T-pose (all rotations zero: Y up, facing +Z, left at +X, every joint's frame
+parallel to the world's); `interpose.io.grounding` scales it to the performer.
 
-The pelvis is not at ``trans``: it is off by a vector that the body model knows, two or three decimetres, mostly
-sideways, the same in all frames of a clip. Sideways it does not matter, since a clip may be anywhere in the room; the
-height comes from the lowest toe.
+``trans`` is not the position of the pelvis. The body model adds an offset of two or three decimetres, mostly sideways
+and constant within a clip. The sideways part does not matter; the height is found from the lowest toe.
 """
 
 from __future__ import annotations
@@ -36,22 +35,19 @@ from interpose.io.layout import UnitLayout
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
-WIDTHS = {156: "SMPL-H", 165: "SMPL-X", 72: "SMPL"}
-"""Columns of ``poses`` of each body model."""
-
-RATES = ("mocap_framerate", "mocap_frame_rate")
-
-_MODELS = ("smpl", "smplh", "smplx")
-_ORDER = """
+_POSE_COLUMNS = {156: "SMPL-H", 165: "SMPL-X", 72: "SMPL"}
+_RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
+_BODY_MODELS = ("smpl", "smplh", "smplx")
+_JOINT_ORDER = """
     Pelvis L_Hip R_Hip Spine1 L_Knee R_Knee Spine2 L_Ankle R_Ankle Spine3 L_Foot R_Foot Neck L_Collar R_Collar Head
     L_Shoulder R_Shoulder L_Elbow R_Elbow L_Wrist R_Wrist
 """
-_FARTHEST = 1e4  # metres from the origin
-_WIDEST = 1e3  # radians
+_LARGEST_DISTANCE = 1e4  # metres from the origin
+_LARGEST_ANGLE = 1e3  # radians
 
 
 def _skeleton() -> Skeleton:
-    # The order and the parents are SMPL's; the offsets are ours, of an adult of 1.7 m who stands with the feet apart.
+    # SMPL's joint order and parents; our own offsets, of an adult 1.7 m tall who stands with the feet apart.
     middle = [
         ("Pelvis", None, (0.0, 0.0, 0.0)),
         ("Spine1", "Pelvis", (0.0, 0.11, -0.02)),
@@ -73,7 +69,7 @@ def _skeleton() -> Skeleton:
     joints = {name: (parent, offset) for name, parent, offset in [*middle, *left]}
     for name, parent, (x, y, z) in left:
         joints["R" + name[1:]] = ("R" + parent[1:] if parent.startswith("L_") else parent, (-x, y, z))
-    order = _ORDER.split()
+    order = _JOINT_ORDER.split()
     parents = [joints[name][0] for name in order]
     return Skeleton(
         tuple(order),
@@ -82,13 +78,11 @@ def _skeleton() -> Skeleton:
     )
 
 
-SKELETON = _skeleton()
-"""The first 22 joints of SMPL, SMPL-H and SMPL-X, in their order, with offsets of our own in their T-pose."""
+SMPL_SKELETON = _skeleton()
+"""The first 22 joints of SMPL, SMPL-H and SMPL-X, in their order, with our own offsets in their T-pose."""
 
-TOES = (SKELETON.index("L_Foot"), SKELETON.index("R_Foot"))
-
-_JOINTS = len(SKELETON)
-_Z_UP = rotation.from_rotation_vector(np.array([-np.pi / 2.0, 0.0, 0.0]))  # turns AMASS's world into ours
+_TOES = (SMPL_SKELETON.index("L_Foot"), SMPL_SKELETON.index("R_Foot"))
+_Y_UP_FROM_Z_UP = rotation.from_rotation_vector(np.array([-np.pi / 2.0, 0.0, 0.0]))
 
 
 def recognises(data: bytes) -> bool:
@@ -102,90 +96,87 @@ def recognises(data: bytes) -> bool:
 
 
 def parse(data: bytes, name: str) -> Motion:
-    """The motion in an AMASS file, on :data:`SKELETON` in the performer's size: metres, Y up, the floor at y = 0.
+    """The motion in an AMASS file, on :data:`SMPL_SKELETON` in the performer's size: metres, Y up, floor at y = 0.
 
-    ``name`` stands for the path in messages. Raises InputError for a file that holds no whole motion of a body. Pickled
+    ``name`` stands for the path in messages. Raises InputError for a file without a complete motion of a body. Pickled
     objects are never loaded.
     """
     if not data:
         raise InputError(f"{name}: the file is empty")
-    turns, place, rate = _contents(data, name)
-    turned = rotation.from_rotation_vector(turns)
-    turned[:, 0] = rotation.multiply(_Z_UP, turned[:, 0])
-    motion = Motion(SKELETON, rotation.rotate(_Z_UP, place), rotation.continuous(turned), rate, layout=UnitLayout(1.0))
-    return grounding.grounded(motion, TOES)
+    vectors, root, rate = _contents(data, name)
+    local = rotation.from_rotation_vector(vectors)
+    local[:, 0] = rotation.multiply(_Y_UP_FROM_Z_UP, local[:, 0])
+    root = rotation.rotate(_Y_UP_FROM_Z_UP, root)
+    motion = Motion(SMPL_SKELETON, root, rotation.continuous(local), rate, layout=UnitLayout(1.0))
+    return grounding.grounded(motion, _TOES)
 
 
 def _contents(data: bytes, name: str) -> tuple[Float[ndarray, "frame 22 3"], Float[ndarray, "frame 3"], float]:
-    """Axis times angle of the joints, ``trans``, and the frame rate."""
-    content = _undamaged(name, lambda: np.load(io.BytesIO(data), allow_pickle=False))
-    if not isinstance(content, np.lib.npyio.NpzFile):
-        raise InputError(f"{name}: one array and no archive of several; give an .npz file of AMASS")
-    with content:
-        _check_model(content, name)
-        turns = _turns(content, name)
-        if "trans" not in content:
-            raise InputError(f"{name}: holds no 'trans', the way of the root; it is not a whole file of AMASS")
-        place = _array(content, "trans", name, _FARTHEST)
-        if place.shape != (len(turns), 3):
-            raise InputError(f"{name}: 'trans' is {place.shape}, expected {(len(turns), 3)}, a row for each of 'poses'")
-        return turns, place, _rate(content, name)
+    """Rotation vectors of the joints, ``trans``, and the frame rate."""
+    archive = _load(name, lambda: np.load(io.BytesIO(data), allow_pickle=False))
+    if not isinstance(archive, np.lib.npyio.NpzFile):
+        raise InputError(f"{name}: a single array; give an AMASS .npz archive")
+    with archive:
+        _check_model(archive, name)
+        vectors = _rotation_vectors(archive, name)
+        if "trans" not in archive:
+            raise InputError(f"{name}: has no 'trans', the root translation; give a complete AMASS file")
+        root = _array(archive, "trans", name, _LARGEST_DISTANCE)
+        if root.shape != (len(vectors), 3):
+            raise InputError(f"{name}: 'trans' is {root.shape}, expected {(len(vectors), 3)}, a row per row of 'poses'")
+        return vectors, root, _rate(archive, name)
 
 
-def _turns(content: np.lib.npyio.NpzFile, name: str) -> Float[ndarray, "frame 22 3"]:
-    """Axis times angle of the 22 joints."""
-    if "poses" in content:
-        poses = _array(content, "poses", name, _WIDEST)
-        if poses.ndim != 2 or poses.shape[1] not in WIDTHS:
-            known = ", ".join(f"{width} of {model}" for width, model in WIDTHS.items())
-            raise InputError(
-                f"{name}: 'poses' is {poses.shape}, expected a row a frame with the columns of a body: {known}"
-            )
-    elif "root_orient" in content and "pose_body" in content:
-        parts = [_array(content, key, name, _WIDEST) for key in ("root_orient", "pose_body")]
+def _rotation_vectors(archive: np.lib.npyio.NpzFile, name: str) -> Float[ndarray, "frame 22 3"]:
+    joints = len(SMPL_SKELETON)
+    if "poses" in archive:
+        poses = _array(archive, "poses", name, _LARGEST_ANGLE)
+        if poses.ndim != 2 or poses.shape[1] not in _POSE_COLUMNS:
+            known = ", ".join(f"{columns} ({model})" for columns, model in _POSE_COLUMNS.items())
+            raise InputError(f"{name}: 'poses' is {poses.shape}, expected one row per frame with {known} columns")
+    elif "root_orient" in archive and "pose_body" in archive:
+        parts = [_array(archive, key, name, _LARGEST_ANGLE) for key in ("root_orient", "pose_body")]
         rows = parts[0].shape[:1]
-        if [part.shape for part in parts] != [(*rows, 3), (*rows, 3 * (_JOINTS - 1))]:
+        if [part.shape for part in parts] != [(*rows, 3), (*rows, 3 * (joints - 1))]:
             shapes = " and ".join(str(part.shape) for part in parts)
-            raise InputError(
-                f"{name}: 'root_orient' and 'pose_body' are {shapes}, expected 3 and 63 columns, a row a frame"
-            )
+            raise InputError(f"{name}: 'root_orient' and 'pose_body' are {shapes}, expected 3 and 63 columns per frame")
         poses = np.concatenate(parts, axis=1)
     else:
-        raise InputError(f"{name}: holds no 'poses', so no motion (a file of a body's shape, perhaps); leave it out")
+        raise InputError(f"{name}: has no 'poses', so no motion (perhaps a body shape file); leave it out")
     if not len(poses):
         raise InputError(f"{name}: 'poses' has no rows; leave it out")
-    return poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3)
+    return poses[:, : 3 * joints].reshape(-1, joints, 3)
 
 
-def _rate(content: np.lib.npyio.NpzFile, name: str) -> float:
-    found = next((key for key in RATES if key in content), None)
-    if found is None:
-        raise InputError(f"{name}: says no frame rate; expected {' or '.join(RATES)}")
-    value = _array(content, found, name, np.inf)
+def _rate(archive: np.lib.npyio.NpzFile, name: str) -> float:
+    key = next((key for key in _RATE_KEYS if key in archive), None)
+    if key is None:
+        raise InputError(f"{name}: has no frame rate; expected {' or '.join(_RATE_KEYS)}")
+    value = _array(archive, key, name, np.inf)
     rate = float(value.reshape(-1)[0]) if value.size == 1 else np.nan
     if not 1.0 <= rate <= 1000.0:
-        said = f"{rate:g}" if value.size == 1 else f"{value.size} numbers"
-        raise InputError(f"{name}: its frame rate '{found}' is {said}, expected one number from 1 to 1000")
+        found = f"{rate:g}" if value.size == 1 else f"{value.size} numbers"
+        raise InputError(f"{name}: its frame rate '{key}' is {found}, expected one number from 1 to 1000")
     return rate
 
 
-def _check_model(content: np.lib.npyio.NpzFile, name: str) -> None:
-    """Raises InputError where the file says that it is of something else than a body: a hand, an animal, a thing."""
-    if "surface_model_type" not in content:
+def _check_model(archive: np.lib.npyio.NpzFile, name: str) -> None:
+    """Raises InputError for a file that names something else than a body model: a hand, an animal, an object."""
+    if "surface_model_type" not in archive:
         return
     try:
-        said = _member(content, "surface_model_type", name).item()
-    except (InputError, AttributeError, ValueError):  # pickled, or not one word: then the columns of the poses decide
+        model = _member(archive, "surface_model_type", name).item()
+    except (InputError, AttributeError, ValueError):  # pickled, or not one string: the columns of the poses decide
         return
-    said = said.decode(errors="replace") if isinstance(said, bytes) else str(said)
-    if said.lower() not in _MODELS:
+    model = model.decode(errors="replace") if isinstance(model, bytes) else str(model)
+    if model.lower() not in _BODY_MODELS:
         raise InputError(
-            f"{name}: is of the model {said[:40]!r}, expected a body's, {', '.join(_MODELS)}; leave it out"
+            f"{name}: is of the model {model[:40]!r}, expected a body model ({', '.join(_BODY_MODELS)}); leave it out"
         )
 
 
-def _undamaged(what: str, load: Callable[[], Any]) -> Any:
-    """What ``load`` gives. NumPy's readers raise anything on damaged bytes, and for pickled objects a ValueError."""
+def _load(what: str, load: Callable[[], Any]) -> Any:
+    """The result of ``load``. NumPy raises anything on damaged bytes, and a ValueError for pickled objects."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -195,25 +186,25 @@ def _undamaged(what: str, load: Callable[[], Any]) -> Any:
             raise InputError(
                 f"{what} holds pickled Python objects, which are never loaded; save it as an array of numbers"
             ) from None
-        raise InputError(f"{what}: not an .npz file of AMASS, or damaged; download it again") from None
+        raise InputError(f"{what}: not an AMASS .npz file, or damaged; download it again") from None
 
 
-def _member(content: np.lib.npyio.NpzFile, key: str, name: str) -> Any:
-    assert content.zip is not None
-    stored = {entry.filename.removesuffix(".npy"): entry.file_size for entry in content.zip.infolist()}
-    if stored.get(key, 0) > MAX_BYTES:
-        raise InputError(f"{name}: '{key}' is larger than {MAX_BYTES / 2**20:.0f} MB, cut it into shorter clips")
-    return _undamaged(f"{name}: '{key}'", lambda: content[key])
+def _member(archive: np.lib.npyio.NpzFile, key: str, name: str) -> Any:
+    assert archive.zip is not None
+    sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.zip.infolist()}
+    if sizes.get(key, 0) > MAX_BYTES:
+        raise InputError(f"{name}: '{key}' is larger than {MAX_BYTES / 2**20:.0f} MB; cut it into shorter clips")
+    return _load(f"{name}: '{key}'", lambda: archive[key])
 
 
-def _array(content: np.lib.npyio.NpzFile, key: str, name: str, most: float) -> Float[ndarray, "*shape"]:
-    """An array of finite numbers of at most ``most``, in double precision."""
-    values = _member(content, key, name)
+def _array(archive: np.lib.npyio.NpzFile, key: str, name: str, largest: float) -> Float[ndarray, "*shape"]:
+    """An array of finite numbers up to ``largest``, in double precision."""
+    values = _member(archive, key, name)
     if not isinstance(values, ndarray) or not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
         raise InputError(f"{name}: '{key}' holds {getattr(values, 'dtype', 'bytes')}, expected real numbers")
     values = values.astype(float)
-    bad = ~(np.abs(values) <= most) | ~np.isfinite(values)
+    bad = ~(np.abs(values) <= largest) | ~np.isfinite(values)
     if bad.any():
         where = f" row {np.argwhere(bad)[0][0] + 1}" if values.ndim else ""
-        raise InputError(f"{name}: '{key}'{where} holds {values[bad][0]:g}, no number that a motion can have")
+        raise InputError(f"{name}: '{key}'{where} holds {values[bad][0]:g}, not a possible value")
     return values

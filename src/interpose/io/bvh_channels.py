@@ -1,8 +1,8 @@
-"""BVH channel values (degrees, the file's unit) to poses and back.
+"""Converts BVH channel values (degrees, the file's unit) to poses and back.
 
 A joint's rotation is the product of its rotation channels in file order: ``Zrotation Yrotation Xrotation`` means
-``R = Rz Ry Rx`` (intrinsic ZYX). A position channel replaces the joint's OFFSET on its axis; the rotation never
-turns the joint's own position, wherever its channels stand.
+``R = Rz Ry Rx`` (intrinsic ZYX). A position channel replaces the joint's OFFSET on its axis; it is not affected by the
+joint's own rotation, in any channel order.
 """
 
 from __future__ import annotations
@@ -33,33 +33,33 @@ def decode(
             root[:, axis] = metres
         if translations is not None:
             translations[:, joint, axis] = metres
-    turned = np.empty((frames, joints, 4))
+    rotations = np.empty((frames, joints, 4))
     for order, (members, columns) in _rotation_groups(layout).items():
-        turned[:, members] = _compose(order, values, columns)
-    return root, turned, translations
+        rotations[:, members] = _compose(order, values, columns)
+    return root, rotations, translations
 
 
 def encode(
     layout: BvhLayout,
     root: Float[ndarray, "frame 3"],
-    turned: Float[ndarray, "frame joint 4"],
+    rotations: Float[ndarray, "frame joint 4"],
     translations: Float[ndarray, "frame joint 3"] | None,
     previous: Float[ndarray, "channel"] | None,
 ) -> Float[ndarray, "frame channel"]:
-    """Rows of channels: undoes :func:`decode`, with Euler angles as near to the row before as can be.
+    """Rows of channels, the inverse of :func:`decode`, with the Euler angles closest to the previous row.
 
     ``previous`` is the row before the first (None: zeros). What a joint's channels cannot express is left out: a
-    joint with one rotation channel keeps its twist about that axis, one with two the nearest such pair.
+    joint with one rotation channel keeps its twist about that axis, one with two channels the closest such pair.
     """
     values = np.empty((len(root), layout.channel_count))
     before = np.zeros(layout.channel_count) if previous is None else previous
-    places = layout.skeleton.offsets[None] if translations is None else translations
+    positions = layout.skeleton.offsets[None] if translations is None else translations
     for joint, axis, column in _position_columns(layout):
-        metres = root[:, axis] if joint == 0 else places[:, joint, axis]
+        metres = root[:, axis] if joint == 0 else positions[:, joint, axis]
         values[:, column] = metres / layout.metres_per_unit
     for order, (members, columns) in _rotation_groups(layout).items():
         if order:
-            values[:, columns] = _nearest_angles(order, turned[:, members], before[columns])
+            values[:, columns] = _nearest_angles(order, rotations[:, members], before[columns])
     return values
 
 
@@ -69,7 +69,7 @@ def _position_columns(layout: BvhLayout) -> list[tuple[int, int, int]]:
 
 
 def _rotation_groups(layout: BvhLayout) -> dict[str, tuple[list[int], Int[ndarray, "joint axis"]]]:
-    # The joints of each rotation order such as "ZYX", with the columns of their angles.
+    # The joints of each rotation order, such as "ZYX", and the columns of their angles.
     groups: dict[str, tuple[list[int], list[list[int]]]] = defaultdict(lambda: ([], []))
     first = 0
     for joint, names in enumerate(layout.channels):
@@ -84,7 +84,7 @@ def _rotation_groups(layout: BvhLayout) -> dict[str, tuple[list[int], Int[ndarra
 def _compose(
     order: str, values: Float[ndarray, "frame channel"], columns: Int[ndarray, "joint axis"]
 ) -> Float[ndarray, "frame joint 4"]:
-    # The product of the quaternions about the single axes. SciPy's from_euler takes 1 us a rotation, twice as long
+    # The product of the quaternions about the single axes. SciPy's from_euler takes 1 us per rotation, twice as long
     # as parsing its three numbers.
     q = [np.zeros((len(values), len(columns))) for _ in range(4)]
     q[3] += 1.0
@@ -103,17 +103,17 @@ def _compose(
 
 
 def _nearest_angles(
-    order: str, turned: Float[ndarray, "frame joint 4"], before: Float[ndarray, "joint axis"]
+    order: str, rotations: Float[ndarray, "frame joint 4"], before: Float[ndarray, "joint axis"]
 ) -> Float[ndarray, "frame joint axis"]:
-    # The two Euler triples of a rotation, (a, b, c) and (a + 180, 180 - b, c + 180), are as far from those of the next
-    # frame either way round, so the nearer branch of each frame is a running parity of "the other one is nearer".
+    # A rotation has two Euler triples, (a, b, c) and (a + 180, 180 - b, c + 180). The distance between the triples of
+    # two frames stays the same when both are exchanged, so which one is closer is a running parity of exchanges.
     if len(order) == 1:
         axis = np.eye(3)[_AXES.index(order)]
-        about = rotation.twist(turned, axis)
+        about = rotation.twist(rotations, axis)
         angles = np.rad2deg(2.0 * np.arctan2(about[..., :3] @ axis, about[..., 3]))[..., None]
         return np.unwrap(np.concatenate([before[None], angles]), period=360.0, axis=0)[1:]
     full = order + "".join(set(_AXES) - set(order))
-    one = Rotation.from_quat(turned).as_euler(full, degrees=True, suppress_warnings=True)
+    one = Rotation.from_quat(rotations).as_euler(full, degrees=True, suppress_warnings=True)
     other = np.array([180.0, 180.0, 180.0]) + one * np.array([1.0, -1.0, 1.0])
     if len(order) == 2:
         swap = np.abs(_wrap(other[..., 2])) < np.abs(_wrap(one[..., 2]))

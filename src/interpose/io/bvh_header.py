@@ -1,4 +1,4 @@
-"""The part of a BVH file before its numbers: the hierarchy, the frame count and the frame time."""
+"""Parses a BVH file up to its numbers: the hierarchy, the frame count and the frame time."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 
 from interpose.errors import InputError
-from interpose.io.bvh_layout import CHANNELS
+from interpose.io.bvh_layout import CHANNEL_NAMES
 from interpose.io.files import encoding_of
 
 MAX_JOINTS = 2000
-LARGEST = 1e9
-"""Numbers beyond this are refused: no motion holds them and they overflow later."""
+LARGEST_NUMBER = 1e9
+"""Larger numbers are refused: they are in no motion, and overflow later."""
 
 _TOKEN = re.compile(rb"[{}]|(?i:(?:ROOT|JOINT)\b[^\r\n{}]*|End[ \t]*Site\b[^\r\n{}]*)|[^\s{}]+")
 _FRAMES = re.compile(rb"(?i)\s*Frames\b[ \t]*:?[ \t]*([^\s:]+)")
 _FRAME_TIME = re.compile(rb"(?i)\s*Frame[ \t]*Time\b[ \t]*:?[ \t]*([^\s:]+)")
 _NUMBER = re.compile(rb"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
-_CHANNEL_NAMES = {name.lower().encode(): name for name in CHANNELS}
+_CHANNEL_OF = {name.lower().encode(): name for name in CHANNEL_NAMES}
 
 
 @dataclass
-class Hierarchy:
+class BvhHierarchy:
     """Joints in file order, depth first; offsets in the file's unit, None until they are read."""
 
     names: list[str] = field(default_factory=list)
@@ -35,18 +35,18 @@ class Hierarchy:
 
 
 @dataclass(frozen=True)
-class Header:
-    """The hierarchy, the declared number of frames, and where that number and the frame time stand in the file."""
+class BvhHeader:
+    """The hierarchy, the declared number of frames, and where that number and the frame time are in the file."""
 
-    hierarchy: Hierarchy
+    hierarchy: BvhHierarchy
     frames: int
     frames_span: tuple[int, int]
     frame_time_span: tuple[int, int]
     encoding: str
 
 
-class Source:
-    """A file's bytes with its name, to say where something is wrong."""
+class BvhText:
+    """A file's bytes with its name, for messages that say where something is wrong."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name = name
@@ -54,18 +54,18 @@ class Source:
         self.newline = "\r" if b"\r" in data and b"\n" not in data else "\n"
 
     def fail(self, position: int, what: str) -> NoReturn:
-        """Raises InputError with the line that ``position`` lies in."""
+        """Raises InputError with the line that contains ``position``."""
         line = self.data.count(self.newline.encode(), 0, position) + 1
         raise InputError(f"{self.name}: line {line}: {what}")
 
 
 def shown(text: bytes) -> str:
-    """A piece of the file, short and printable, for a message."""
+    """Part of the file, short and printable, for a message."""
     return repr(text[:40].decode("utf-8", "replace"))
 
 
-def parse_header(source: Source) -> Header:
-    """Reads up to the frame time. Raises InputError where the file departs from the format, with the line."""
+def parse_header(source: BvhText) -> BvhHeader:
+    """Reads up to the frame time. Raises InputError, with the line, where the file violates the format."""
     start = len(codecs.BOM_UTF8) if source.data.startswith(codecs.BOM_UTF8) else 0
     hierarchy, end, encoding = _parse_hierarchy(source, start)
     frames = _FRAMES.match(source.data, end)
@@ -81,14 +81,14 @@ def parse_header(source: Source) -> Header:
     seconds = parse_number(source, time[1], time.start(1))
     if not 1e-5 <= seconds <= 100.0:
         source.fail(time.start(1), f"the frame time {shown(time[1])} must be from 0.00001 to 100 seconds")
-    return Header(hierarchy, int(frames[1]), frames.span(1), time.span(1), encoding)
+    return BvhHeader(hierarchy, int(frames[1]), frames.span(1), time.span(1), encoding)
 
 
 class _Tokens:
-    """The words, braces and joint lines of the hierarchy, one after the other."""
+    """The hierarchy's tokens: keywords, numbers and braces, and a joint's keyword together with its name."""
 
-    def __init__(self, source: Source, start: int) -> None:
-        self.source = source
+    def __init__(self, source: BvhText, start: int) -> None:
+        self._source = source
         self.position = start
         self._matches = _TOKEN.finditer(source.data, start)
 
@@ -96,8 +96,8 @@ class _Tokens:
         """The next token; ``position`` is then where it starts."""
         match = next(self._matches, None)
         if match is None:
-            end = len(self.source.data.rstrip())
-            self.source.fail(end, f"the file ends where {expected} must follow, it is cut short")
+            end = len(self._source.data.rstrip())
+            self._source.fail(end, f"the file is cut short, {expected} must follow")
         self.position = match.start()
         return match[0]
 
@@ -108,19 +108,19 @@ class _Tokens:
 
     def vector(self) -> tuple[float, ...]:
         """The three numbers of an OFFSET."""
-        return tuple(parse_number(self.source, self.take("OFFSET's three numbers"), self.position) for _ in range(3))
+        return tuple(parse_number(self._source, self.take("OFFSET's three numbers"), self.position) for _ in range(3))
 
     def fail(self, what: str) -> NoReturn:
         """Raises InputError at the token taken last."""
-        self.source.fail(self.position, what)
+        self._source.fail(self.position, what)
 
 
-def _parse_hierarchy(source: Source, start: int) -> tuple[Hierarchy, int, str]:
-    # Where the MOTION keyword ends and the text's encoding come along.
+def _parse_hierarchy(source: BvhText, start: int) -> tuple[BvhHierarchy, int, str]:
+    # Also returns the position after MOTION and the encoding.
     tokens = _Tokens(source, start)
     if (first := tokens.take("HIERARCHY")).upper() != b"HIERARCHY":
         tokens.fail(f"a BVH file starts with HIERARCHY, this one with {shown(first)}")
-    out = Hierarchy()
+    out = BvhHierarchy()
     index: dict[bytes, int] = {}
     opened: list[int] = []
     while True:
@@ -172,7 +172,7 @@ def _check_joint(tokens: _Tokens, word: bytes, name: bytes, index: dict[bytes, i
     if word == b"ROOT" and index:
         tokens.fail(f"a second ROOT {shown(name)}, a file must hold one skeleton")
     if word == b"JOINT" and not opened:
-        tokens.fail(f"JOINT {shown(name)} lies in no joint, {'a } too many' if index else 'ROOT missing'}")
+        tokens.fail(f"JOINT {shown(name)} is outside the hierarchy, {'a } too many' if index else 'ROOT missing'}")
     if not name:
         tokens.fail(f"{word.decode()} without a name")
     if any(byte < 32 and byte != 9 for byte in name):
@@ -185,25 +185,25 @@ def _check_joint(tokens: _Tokens, word: bytes, name: bytes, index: dict[bytes, i
 
 def _parse_channels(tokens: _Tokens) -> tuple[str, ...]:
     count = tokens.take("the number of channels")
-    if not count.isdigit() or len(count) > 4 or int(count) > len(CHANNELS):
+    if not count.isdigit() or len(count) > 4 or int(count) > len(CHANNEL_NAMES):
         tokens.fail(f"a joint has 0 to 6 channels, not {shown(count)}")
     names: list[str] = []
     for _ in range(int(count)):
         token = tokens.take("a channel name")
-        name = _CHANNEL_NAMES.get(token.lower())
+        name = _CHANNEL_OF.get(token.lower())
         if name is None:
-            tokens.fail(f"unknown channel {shown(token)}, known are {', '.join(CHANNELS)}")
+            tokens.fail(f"unknown channel {shown(token)}, expected one of {', '.join(CHANNEL_NAMES)}")
         if name in names:
             tokens.fail(f"channel {name} is given twice")
         names.append(name)
     return tuple(names)
 
 
-def parse_number(source: Source, text: bytes, position: int) -> float:
-    """The number written as ``text`` at ``position``. Raises InputError for anything else and beyond ``LARGEST``."""
+def parse_number(source: BvhText, text: bytes, position: int) -> float:
+    """The number in ``text``, which is at ``position``. Raises InputError if it is none or beyond LARGEST_NUMBER."""
     if not _NUMBER.fullmatch(text):
         source.fail(position, f"{shown(text)} is not a number")
     value = float(text)
-    if not abs(value) <= LARGEST:
+    if not abs(value) <= LARGEST_NUMBER:
         source.fail(position, f"{shown(text)} is out of range")
     return value

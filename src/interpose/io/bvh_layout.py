@@ -1,4 +1,4 @@
-"""How a BVH file is laid out: what must be kept beside the poses so that writing gives the same file again."""
+"""The layout of a BVH file: what it holds besides poses, kept to write the same file again."""
 
 from __future__ import annotations
 
@@ -12,23 +12,21 @@ from numpy import ndarray
 from interpose.motion import SourceLayout
 from interpose.skeleton import Skeleton
 
-CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+CHANNEL_NAMES = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
 
 @dataclass(frozen=True, eq=False)
 class BvhLayout:
-    """What a BVH file says besides its poses.
+    """What a BVH file holds besides its poses. A motion keeps all of it when it is cut.
 
-    A motion keeps all of it when it is cut; rows are named by their frame in the file.
-
-    skeleton: as in the Motion. offsets: (joint, 3), the OFFSET of every joint, the root's too, metres.
+    skeleton: as in the Motion. offsets: (joint, 3), the OFFSET of every joint including the root, metres.
     channels: for each joint its channels in file order, e.g. ``("Xposition", "Zrotation")``.
-    end_sites, end_offsets: the joint that each end site hangs from, and its offset (site, 3), metres.
+    end_sites, end_offsets: the parent joint of each end site, and its offset (site, 3), metres.
     metres_per_unit: length of the file's unit.
-    head: the file's text up to the frame count, and from there to the frame time. frame_time: that number's text.
-    encoding, newline, row_end: of the text; ``row_end`` is what stands between a row's last number and the newline.
-    decimals: digits after the point for rows that are generated.
-    rows: the motion block as it was in the file; empty for a layout that was not read from a file.
+    head: the file's text up to the frame count, and from there to the frame time. frame_time: the text of the number.
+    encoding, newline, row_end: of the text; ``row_end`` is between a row's last number and the newline.
+    decimals: digits after the point in generated rows.
+    rows: the file's motion block; empty for a layout that was not read from a file.
     """
 
     skeleton: Skeleton
@@ -47,7 +45,7 @@ class BvhLayout:
 
     @property
     def channel_count(self) -> int:
-        """Numbers in a row."""
+        """Numbers per row."""
         return sum(map(len, self.channels))
 
     @property
@@ -57,7 +55,7 @@ class BvhLayout:
 
     @cached_property
     def row_bounds(self) -> Int[ndarray, "frame 2"]:
-        """Where each row's text starts and ends in ``rows``, blanks around it left out."""
+        """Where each row's text starts and ends in ``rows``, without the blanks around it."""
         printed = np.frombuffer(self.rows, np.uint8) > 32
         edges = np.flatnonzero(np.diff(printed, prepend=False, append=False))
         starts, ends = edges[0::2], edges[1::2]
@@ -70,7 +68,7 @@ class BvhLayout:
         return len(self.rows)
 
     def row(self, frame: int) -> str:
-        """The text of one row of the file, digit for digit."""
+        """The text of one row of the file."""
         start, end = self.row_bounds[frame]
         return self.rows[start:end].decode("ascii")
 
@@ -87,15 +85,16 @@ class BvhLayout:
 
 
 def default_layout(skeleton: Skeleton, joint_positions: bool = False) -> BvhLayout:
-    """The layout for a motion that came from no BVH file: centimetres, the root with six channels, rotations ZYX.
+    """The layout for a motion that is not from a BVH file: centimetres, six channels for the root, rotation order ZYX.
 
-    With ``joint_positions`` every joint has six channels. A joint without children gets an end site half its own
-    offset away. The joints must be in depth-first order. Raises ValueError for a name that BVH cannot hold.
+    With ``joint_positions`` every joint has six channels. A joint without children gets an end site at half its own
+    offset. The joints must be in depth-first order. Raises ValueError for a name that BVH cannot represent.
     """
     if bad := [name for name in skeleton.names if name != name.strip() or not name or set(name) & set("{}\r\n")]:
         raise ValueError(f"BVH cannot hold the joint name {bad[0]!r}")
-    turns = ("Zrotation", "Yrotation", "Xrotation")
-    channels = tuple((*CHANNELS[:3], *turns) if joint_positions or j == 0 else turns for j in range(len(skeleton)))
+    rotations = ("Zrotation", "Yrotation", "Xrotation")
+    moving = (*CHANNEL_NAMES[:3], *rotations)
+    channels = tuple(moving if joint_positions or j == 0 else rotations for j in range(len(skeleton)))
     offsets = np.concatenate([np.zeros((1, 3)), skeleton.offsets[1:]])
     leaves = tuple(j for j in range(len(skeleton)) if j not in skeleton.parents)
     end_offsets = 0.5 * offsets[list(leaves)]

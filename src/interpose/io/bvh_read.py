@@ -1,13 +1,13 @@
-"""Reading BVH (Biovision hierarchy) files.
+"""Reads BVH (Biovision hierarchy) files.
 
-The format as it is found in the wild: any order of one to six channels a joint, position channels on any joint, any
-blanks and line ends, rows wrapped over lines, keywords in any case, names with spaces. No count that the file declares
-is believed before the numbers are there.
+Accepts what is found in practice: one to six channels per joint in any order, position channels on any joint, any
+whitespace and line ends, rows wrapped over lines, keywords in any case, names with spaces. Declared counts are checked
+against the numbers that follow.
 
-The unit is not in the file. The longest way through the bones (from a hand to a foot, say) is about 2.3 m in an adult,
-so 0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is taken to be a humanoid, in the one of
-millimetres, centimetres, inches and CMU's unit (an inch / 0.45) that brings it nearest to 2.3 m, and any other skeleton
-to be in centimetres.
+The file does not hold its unit. The longest path along the bones (such as from a hand to a foot) is about 2.3 m in an
+adult, so 0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is assumed to be a humanoid in
+millimetres, centimetres, inches or CMU's unit (an inch / 0.45), whichever brings it closest to 2.3 m, and any other
+skeleton to be in centimetres.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.io.bvh_channels import decode
-from interpose.io.bvh_header import Header, Source, parse_header
+from interpose.io.bvh_header import BvhHeader, BvhText, parse_header
 from interpose.io.bvh_layout import BvhLayout
 from interpose.io.bvh_rows import parse_rows
 from interpose.motion import Motion
@@ -30,12 +30,12 @@ from interpose.skeleton import Skeleton
 _COMMON_RATES = (30, 60, 120, 24, 25, 50, 48, 90, 100, 15, 10, 12, 20, 72, 75, 144, 200, 240, 250, 300, 480, 500, 1000)
 _NTSC_RATES = tuple(rate * 1000 / 1001 for rate in (30, 60, 24, 120))
 _UNITS = (0.001, 0.01, 0.0254, 0.0254 / 0.45)
-_ADULT_REACH = 2.3
+_ADULT_SPAN = 2.3
 _START = re.compile(rb"(?:\xef\xbb\xbf)?\s*HIERARCHY\b", re.IGNORECASE)
 
 
 def recognises(data: bytes) -> bool:
-    """Whether a file starts as BVH files do, with HIERARCHY."""
+    """Whether the file starts with HIERARCHY."""
     return _START.match(data) is not None
 
 
@@ -43,22 +43,22 @@ def parse(data: bytes, name: str, metres_per_unit: float | None = None) -> Motio
     """The motion in a BVH file, in metres, with its :class:`BvhLayout`; ``name`` stands for the path in messages.
 
     ``metres_per_unit`` overrides the unit found from the skeleton's size. The root's offset is zero in the skeleton;
-    where no position channel replaces it, it is in ``root_positions``. Raises InputError, with the line where there
-    is one, for a file that does not hold a whole motion.
+    where no position channel replaces it, it is in ``root_positions``. Raises InputError, with the line if there is
+    one, for a file without a complete motion.
     """
     if not data or data.isspace():
         raise InputError(f"{name}: the file is empty")
     if b"\0" in data:
         raise InputError(f"{name}: not a BVH file, it holds binary data (or UTF-16 text: save it as UTF-8)")
-    source = Source(name, data)
+    source = BvhText(name, data)
     header = parse_header(source)
     layout = _layout(source, header, metres_per_unit)
-    root, turned, translations = decode(layout, parse_rows(source, header))
-    return Motion(layout.skeleton, root, turned, rate_of(layout.frame_time), translations, layout)
+    root, rotations, translations = decode(layout, parse_rows(source, header))
+    return Motion(layout.skeleton, root, rotations, rate_of(layout.frame_time), translations, layout)
 
 
 def rate_of(frame_time: str) -> float:
-    """Frames a second from the text of a frame time: the common rate that rounds to that text, else its inverse.
+    """Frames a second from the text of a frame time: the common rate that rounds to it, or else its inverse.
 
     ``0.033333`` and ``0.0333`` are 30, ``0.0333667`` is 29.97 (30000 / 1001), ``0.03`` is 33.3.
     """
@@ -72,9 +72,9 @@ def rate_of(frame_time: str) -> float:
 
 
 def detect_unit(parents: list[int], offsets: Float[ndarray, "joint 3"]) -> float:
-    """Metres per unit, guessed from the size of the skeleton by the rule at the top of this file."""
+    """Metres per unit, estimated from the size of the skeleton by the rule at the top of this file."""
     children = np.bincount(np.array(parents[1:], dtype=int), minlength=len(parents))
-    # Joints are depth first. A chain from the root to the first fork places the body and is not part of it.
+    # Joints are depth first. A chain from the root to the first fork positions the body and is not part of it.
     first = 0
     while children[first] == 1:
         first += 1
@@ -89,10 +89,10 @@ def detect_unit(parents: list[int], offsets: Float[ndarray, "joint 3"]) -> float
         return 1.0
     if np.count_nonzero(children == 0) < 5 or longest == 0.0:
         return 0.01
-    return min(_UNITS, key=lambda unit: abs(np.log(longest * unit / _ADULT_REACH)))
+    return min(_UNITS, key=lambda unit: abs(np.log(longest * unit / _ADULT_SPAN)))
 
 
-def _layout(source: Source, header: Header, metres_per_unit: float | None) -> BvhLayout:
+def _layout(source: BvhText, header: BvhHeader, metres_per_unit: float | None) -> BvhLayout:
     data, hierarchy = source.data, header.hierarchy
     offsets = np.array(hierarchy.offsets, dtype=float)
     unit = detect_unit(hierarchy.parents, offsets) if metres_per_unit is None else float(metres_per_unit)

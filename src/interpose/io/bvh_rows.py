@@ -1,4 +1,4 @@
-"""The numbers of a BVH file, parsed at the speed of NumPy or better."""
+"""Parses the numbers of a BVH file, at the speed of NumPy or better."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.io.bvh_header import LARGEST, Header, Source, parse_number
+from interpose.io.bvh_header import LARGEST_NUMBER, BvhHeader, BvhText, parse_number
 
 _NUMBER_BYTES = b"0123456789+-.eE \t\r\n\v\f"
 _BLANK = 32
 _DOT = ord(".")
 
 
-def parse_rows(source: Source, header: Header) -> Float[ndarray, "frame channel"]:
-    """The rows that follow the header, however they are wrapped over lines.
+def parse_rows(source: BvhText, header: BvhHeader) -> Float[ndarray, "frame channel"]:
+    """The rows after the header, which may be wrapped over lines.
 
-    Raises InputError where something is not a number, with its line, or where there are not as many as declared.
+    Raises InputError for anything that is not a number, with its line, and where there are not as many as declared.
     """
     start = header.frame_time_span[1]
     block = source.data[start:]
@@ -34,7 +34,7 @@ def parse_rows(source: Source, header: Header) -> Float[ndarray, "frame channel"
         values = parse_numbers(block)
     except ValueError:
         _fail_on_number(source, start)
-    if not np.abs(values).max() <= LARGEST:
+    if not np.abs(values).max() <= LARGEST_NUMBER:
         _fail_on_number(source, start)
     if values.size != header.frames * count:
         _fail_on_count(source, start, header.frames, values.size, count)
@@ -42,7 +42,7 @@ def parse_rows(source: Source, header: Header) -> Float[ndarray, "frame channel"
 
 
 def parse_numbers(block: bytes) -> Float[ndarray, "*shape"]:
-    """The numbers of a text: (line, number) where all lines hold as many, else flat. Raises ValueError."""
+    """The numbers of a text: (line, number) where all lines have the same count, else flat. Raises ValueError."""
     if b"\n" not in block:
         block = block.replace(b"\r", b"\n")
     values = _parse_fixed_point(block)
@@ -55,7 +55,7 @@ def parse_numbers(block: bytes) -> Float[ndarray, "*shape"]:
 
 
 def _parse_fixed_point(block: bytes) -> Float[ndarray, "line number"] | None:
-    # Most files print every number with the same count of decimals. Then the text without its points is a table of
+    # Most files print every number with the same number of decimals. Without its points the text is then a table of
     # integers, which parses five times as fast; below 2**53 the quotient is the correctly rounded decimal.
     if b"e" in block or b"E" in block:
         return None
@@ -76,13 +76,13 @@ def _parse_fixed_point(block: bytes) -> Float[ndarray, "line number"] | None:
     return scaled / 10.0**decimals if np.abs(scaled).max() < 2**53 else None
 
 
-def _fail_on_number(source: Source, start: int) -> NoReturn:
+def _fail_on_number(source: BvhText, start: int) -> NoReturn:
     for token in re.compile(rb"\S+").finditer(source.data, start):
         parse_number(source, token[0], token.start())
-    raise AssertionError("a number was refused that is one")
+    raise AssertionError("a valid number was refused")
 
 
-def _fail_on_count(source: Source, start: int, frames: int, numbers: int, count: int) -> NoReturn:
+def _fail_on_count(source: BvhText, start: int, frames: int, numbers: int, count: int) -> NoReturn:
     position = start
     for line in source.data[start:].split(source.newline.encode()):
         if (found := len(line.split())) not in (0, count):

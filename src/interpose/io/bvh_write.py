@@ -1,4 +1,4 @@
-"""Writing BVH files, in the layout of the file that a motion came from."""
+"""Writes BVH files, in the layout of the file that a motion was read from."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from interpose.skeleton import Skeleton
 
 
 def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, name: str = "motion") -> bytes:
-    """A motion as BVH; for ``unchanged_rows`` see :func:`interpose.io.write`, ``name`` is not written.
+    """A motion as BVH. For ``unchanged_rows`` see :func:`interpose.io.write`; ``name`` is not used.
 
-    A motion that was read from BVH and still has that skeleton gets the file's own hierarchy, channels, unit and line
-    ends; any other :func:`~interpose.io.bvh_layout.default_layout`. Rows that are not kept get the Euler angles closest
-    to the row before.
+    A motion that was read from BVH and still has its skeleton gets the file's own hierarchy, channels, unit and line
+    ends; any other motion gets :func:`~interpose.io.bvh_layout.default_layout`. New rows have the Euler angles closest
+    to the previous row.
 
     Raises ValueError for poses that are not finite, and for ``unchanged_rows`` that do not fit the motion or its file.
     """
@@ -31,7 +31,7 @@ def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, n
     layout = motion.layout
     if not isinstance(layout, BvhLayout) or not _fits(layout, motion.skeleton):
         if unchanged_rows and isinstance(layout, BvhLayout):
-            raise ValueError("rows can be kept only where the motion has the skeleton of the BVH file it came from")
+            raise ValueError("rows can be kept only while the motion has the skeleton of its BVH file")
         motion, unchanged_rows = _depth_first(motion), {}
         layout = default_layout(motion.skeleton, motion.translations is not None)
     kept = _same_rows(layout, motion) if unchanged_rows is None else unchanged_rows
@@ -39,9 +39,9 @@ def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, n
     time = layout.frame_time
     if not time or rate_of(time) != motion.rate:
         time = f"{1.0 / motion.rate:.10f}"
-    line_end = layout.row_end + layout.newline
+    row_end = layout.row_end + layout.newline
     head = f"{layout.head[0]}{len(motion)}{layout.head[1]}{time}{layout.newline}"
-    return (head + line_end.join(rows) + line_end).encode(layout.encoding)
+    return (head + row_end.join(rows) + row_end).encode(layout.encoding)
 
 
 def _fits(layout: BvhLayout, skeleton: Skeleton) -> bool:
@@ -51,7 +51,7 @@ def _fits(layout: BvhLayout, skeleton: Skeleton) -> bool:
 
 
 def _depth_first(motion: Motion) -> Motion:
-    # BVH nests a joint's children inside it, so their order in the file is depth first.
+    # BVH nests children in their parent, so joints are in depth-first order.
     parents = motion.skeleton.parents
     order: list[int] = []
     pending = [0]
@@ -77,17 +77,17 @@ def _same_rows(layout: BvhLayout, motion: Motion) -> dict[int, int]:
     rows = _pose_bytes(*decode(layout, values))
     source = {row: frame for frame, row in enumerate(rows)}
     poses = _pose_bytes(motion.root_positions, motion.local_rotations, motion.translations)
-    # Two rows may tell one pose by different digits: a frame that has not moved keeps its own.
+    # Two rows may hold the same pose in different digits: a frame at its original position keeps its own.
     own = {frame: frame for frame, (row, pose) in enumerate(zip(rows, poses, strict=False)) if row == pose}
     return {frame: source[row] for frame, row in enumerate(poses) if row in source} | own
 
 
 def _pose_bytes(
     root: Float[ndarray, "frame 3"],
-    turned: Float[ndarray, "frame joint 4"],
+    rotations: Float[ndarray, "frame joint 4"],
     moved: Float[ndarray, "frame joint 3"] | None,
 ) -> list[bytes]:
-    parts = [root, turned.reshape(len(root), -1)] + ([] if moved is None else [moved.reshape(len(root), -1)])
+    parts = [root, rotations.reshape(len(root), -1)] + ([] if moved is None else [moved.reshape(len(root), -1)])
     return [row.tobytes() for row in np.concatenate(parts, axis=1)]
 
 
@@ -98,8 +98,8 @@ def _rows(layout: BvhLayout, motion: Motion, kept: Mapping[int, int]) -> list[st
             f"unchanged_rows names frames outside the {frames} written or the {len(layout.row_bounds)} read"
         )
     rows = [layout.row(kept[i]) if i in kept else "" for i in range(frames)]
-    made = np.array([i not in kept for i in range(frames)])
-    edges = np.flatnonzero(np.diff(made, prepend=False, append=False))
+    generated = np.array([i not in kept for i in range(frames)])
+    edges = np.flatnonzero(np.diff(generated, prepend=False, append=False))
     for start, stop in zip(edges[0::2], edges[1::2], strict=True):
         near = rows[start - 1] if start > 0 else rows[stop] if stop < frames else None
         previous = None if near is None else np.array(near.split(), dtype=float)

@@ -1,4 +1,4 @@
-"""Whole files in and out: a size limit on the way in, written whole or not at all on the way out."""
+"""Reads whole files up to a size limit; writes files whole or not at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from interpose.errors import InputError
 
 MAX_BYTES = 256 * 1024 * 1024
-"""Larger files are refused: an hour of 22 joints at 120 Hz, written with 9 digits, is 260 MB."""
+"""Larger files are refused. An hour of 22 joints at 120 Hz, written with 9 digits, is 260 MB."""
 
 
 def read_whole(path: str | os.PathLike[str], limit: int = MAX_BYTES) -> bytes:
@@ -23,11 +23,11 @@ def read_whole(path: str | os.PathLike[str], limit: int = MAX_BYTES) -> bytes:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except IsADirectoryError:
-        raise InputError(f"{path}: is a folder, give a file") from None
+        raise InputError(f"{path}: is a folder; give a file") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {_reason(error)}") from None
     if len(data) > limit:
-        raise InputError(f"{path}: larger than {limit / 2**20:.0f} MB, cut it into shorter clips")
+        raise InputError(f"{path}: larger than {limit / 2**20:.0f} MB; cut it into shorter clips")
     return data
 
 
@@ -41,16 +41,16 @@ def encoding_of(text: bytes) -> str:
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
-    """Writes ``data`` to ``path`` by way of a temporary file beside it, so that the file is whole or absent.
+    """Writes ``data`` to a temporary file and renames it to ``path``, so that the file is whole or absent.
 
-    A device or pipe (``/dev/stdout``) is written directly. Raises InputError where it cannot be written.
+    Devices and pipes (``/dev/stdout``) are written directly. Raises InputError where the path cannot be written.
     """
     target = Path(path)
     try:
         target = Path(os.path.realpath(path))
         beside = target.with_name(f".interpose-{os.getpid()}-{os.urandom(4).hex()}.tmp")
         if target.is_dir():
-            raise InputError(f"{path}: is a folder, give a file name")
+            raise InputError(f"{path}: is a folder; give a file name")
         if target.exists() and not target.is_file():
             target.write_bytes(data)
             return
@@ -62,7 +62,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
             beside.unlink(missing_ok=True)
             raise
     except FileNotFoundError:
-        raise InputError(f"{path}: the folder {target.parent} does not exist, create it first") from None
+        raise InputError(f"{path}: the folder {target.parent} does not exist; create it first") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.errors import InputError
-from interpose.mannequin import LEFT, MIDDLE, RIGHT, figure
+from interpose.mannequin import LEFT, MIDDLE, RIGHT, mannequin
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -126,7 +126,7 @@ def _rest(skeleton: Skeleton) -> ndarray:
 
 def _add_mannequin(document: _Document, motion: Motion) -> None:
     """The mesh in the rest pose, one primitive a side of the body, and the skin that ties it to the joints."""
-    shape, rest = figure(motion, _DETAIL), _rest(motion.skeleton)
+    shape, rest = mannequin(motion, _DETAIL), _rest(motion.skeleton)
     index = np.uint8 if len(rest) < 256 else np.uint16
     primitives = []
     for side, (name, colour) in MATERIALS.items():

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from interpose.data import contacts, root
 from interpose.errors import InputError
-from interpose.mannequin import SOLE, Figure, figure
+from interpose.mannequin import SOLE, Mannequin, mannequin
 from interpose.motion import Motion
 from interpose.render.drawing import Actor, Colour
 from interpose.retarget.mapping import map_skeleton
@@ -30,8 +30,8 @@ class Cast:
     """
 
     motion: Motion
-    figure: Figure
-    coarse: Figure
+    figure: Mannequin
+    coarse: Mannequin
     positions: Float[ndarray, "frame joint 3"]
     rotations: Float[ndarray, "frame joint 4"]
     floor: float
@@ -81,7 +81,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
     lowest = float(np.percentile(positions[..., 1].min(axis=1), 5)) - SOLE
     floor = 0.0 if abs(lowest) < 0.10 else lowest
     track = positions[:, hips][:, [0, 2]]
-    shapes = figure(motion, detail), figure(motion, 2)
+    shapes = mannequin(motion, detail), mannequin(motion, 2)
     return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down, feet)
 
 

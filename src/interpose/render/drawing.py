@@ -17,7 +17,7 @@ from numpy import ndarray
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 from scipy.ndimage import gaussian_filter, minimum_filter
 
-from interpose.mannequin import RIGHT, Figure
+from interpose.mannequin import RIGHT, Mannequin
 
 SUPERSAMPLING = 3
 LIGHT = np.array([-0.42, 0.80, 0.43])
@@ -91,8 +91,8 @@ def look(
 class Actor:
     """A figure in one pose: joint positions and global rotations, in a colour. ``coarse`` is what casts its shadow."""
 
-    figure: Figure
-    coarse: Figure
+    figure: Mannequin
+    coarse: Mannequin
     positions: Float[ndarray, "joint 3"]
     rotations: Float[ndarray, "joint 4"]
     colour: Colour

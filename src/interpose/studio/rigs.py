@@ -13,7 +13,7 @@ from numpy import ndarray
 from interpose import io, retarget
 from interpose.data.contacts import JOINTS, REST_HEIGHTS
 from interpose.errors import InputError
-from interpose.mannequin import figure
+from interpose.mannequin import mannequin
 from interpose.motion import Motion
 from interpose.rotation import rotate
 from interpose.runtime.inbetween import mapping_of
@@ -104,7 +104,7 @@ def identity(data: bytes) -> str:
 def describe(clip: Clip, name: str) -> tuple[Rig, dict[str, ndarray]]:
     """The description of a file for the browser, and its arrays."""
     motion, mapping = clip.motion, clip.mapping
-    body = figure(motion)
+    body = mannequin(motion)
     arrays: dict[str, ndarray] = {
         "offsets": motion.skeleton.offsets,
         "frames": pose_rows.of_motion(motion),
