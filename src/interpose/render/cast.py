@@ -30,7 +30,7 @@ class Cast:
     """
 
     motion: Motion
-    figure: Mannequin
+    mannequin: Mannequin
     coarse: Mannequin
     positions: Float[ndarray, "frame joint 3"]
     rotations: Float[ndarray, "frame joint 4"]
@@ -43,7 +43,7 @@ class Cast:
     def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"] | None = None) -> Actor:
         """The figure at a frame, moved by ``moved`` metres."""
         shift = np.zeros(3) if moved is None else moved
-        return Actor(self.figure, self.coarse, self.positions[frame] + shift, self.rotations[frame], colour)
+        return Actor(self.mannequin, self.coarse, self.positions[frame] + shift, self.rotations[frame], colour)
 
     def heading(self) -> Float[ndarray, "3"]:
         """What a camera should see as screen right: the way travelled, turned a little towards the viewer.

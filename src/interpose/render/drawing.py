@@ -91,7 +91,7 @@ def look(
 class Actor:
     """A figure in one pose: joint positions and global rotations, in a colour. ``coarse`` is what casts its shadow."""
 
-    figure: Mannequin
+    mannequin: Mannequin
     coarse: Mannequin
     positions: Float[ndarray, "joint 3"]
     rotations: Float[ndarray, "joint 4"]
@@ -157,11 +157,11 @@ def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> 
     normal = np.zeros((width * tall, 3), dtype=np.float32)
     colour = np.zeros((width * tall, 3), dtype=np.float32)
     for actor in actors:
-        vertices, normals = actor.figure.posed(actor.positions, actor.rotations)
+        vertices, normals = actor.mannequin.posed(actor.positions, actor.rotations)
         seen, normals = camera.project(vertices).astype(np.float32), normals.astype(np.float32)
-        front = _signed_area(seen[actor.figure.triangles]) < 0.0
-        triangles = actor.figure.triangles[front]
-        tones = np.array(actor.colour) * np.where(actor.figure.sides[front] == RIGHT, 0.86, 1.0)[:, None]
+        front = _signed_area(seen[actor.mannequin.triangles]) < 0.0
+        triangles = actor.mannequin.triangles[front]
+        tones = np.array(actor.colour) * np.where(actor.mannequin.sides[front] == RIGHT, 0.86, 1.0)[:, None]
         for pixel, which, weights in _rasterise(seen[triangles][..., :2], width, tall):
             corner = triangles[which]
             near = np.einsum("fc,fc->f", weights, seen[corner, 2])
