@@ -108,7 +108,7 @@ def guide(
     if drawn is not None:
         return _with_styles([_along_drawn(request, gap, steps, drawn)] * count, request)
     gallery, given, note = request.trajectories, steps, None
-    path = "auto" if request.drawn is not None else request.path  # a gap of a clip that nothing was drawn for
+    path = "auto" if request.drawn is not None else request.path  # a gap without a drawn path of its own
     if steps is None:
         found = suggested or suggest_duration(request, gap)
         steps = found.steps if request.speed is None else group_of(found, request.speed).steps

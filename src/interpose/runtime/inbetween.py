@@ -29,7 +29,7 @@ from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recen
 from interpose.runtime.transition import Transition, generate
 
 STRAYED = 0.25
-"""Metres from its path on average from which on a warning says so."""
+"""Metres of mean distance from the path; beyond them a warning is given."""
 MISFIT = 0.25
 """What a path that fits badly costs: centimetres of foot slide for each factor e of its fit."""
 
@@ -71,13 +71,12 @@ def inbetween(
     """``variants`` candidates for the ``frames`` frames from ``start``'s last to ``target``'s first frame, best first.
 
     Without ``frames`` each takes the time that the gallery suggests, or that its own path took. The frames of ``start``
-    before its last are context: the model sees where the motion comes from. Those of ``target`` after its first say
-    with what velocity to arrive. ``mapping`` is what :func:`mapping_of` gave for the clip, where it is known. ``names``
-    go to the info, by default 0 and frames + 1.
-    Where the request names parts of the target, each candidate leads to a whole pose of its own that has them.
-    The best slides least on its feet, leaves and meets the keys with the least jerk, and has the path that fits best.
-    Raises InputError where the skeletons differ, the gap is too short or too long, frames and a speed are both asked
-    for, or no time is known.
+    before its last are context: the model sees the motion that leads to the key. Those of ``target`` after its first
+    give the velocity of the arrival. ``mapping`` is what :func:`mapping_of` gave for the clip, where it is known.
+    ``names`` go to the info, by default 0 and frames + 1. Where the request names parts of the target, each candidate
+    leads to a whole pose of its own that has them. The best slides least on its feet, leaves and meets the keys with
+    the least jerk, and has the path that fits best. Raises InputError where the skeletons differ, the gap is too short
+    or too long, frames and a speed are both given, or no time is known.
     """
     check_gap(start, target, 1 if frames is None else frames)
     if frames is not None and request.speed is not None:

@@ -28,7 +28,8 @@ def leave(
     step: float,
     before_step: float,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame joint 4"]]:
-    """Transitions, both keys included, that go on from the pose known ``before_step`` seconds before their first frame.
+    """Transitions, both keys included, that continue from the pose known ``before_step`` seconds before their first
+    frame.
 
     ``step``: seconds between the transitions' frames. The first and the last frame stay as they are.
     """

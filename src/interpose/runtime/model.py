@@ -38,7 +38,7 @@ class Model:
 
     @property
     def info(self) -> dict[str, Any]:
-        """What its `model.json` says."""
+        """Its `model.json`."""
         return self.session.info
 
     def inbetween(

@@ -1,8 +1,7 @@
-"""A gallery that may travel with a model: root tracks of the model's own motion, not of anybody's recording.
+"""A gallery that can be bundled with a model: root tracks of motion that the model generated, not of recordings.
 
-Chains of gaps are rolled out along clips of a database: the key poses, half a second to three apart, are the clip's,
-each gap begins with what was made for the one before, and the root goes where the network leads it. The chain is then
-read half-way between its frames, so that no frame of it is a recorded one. `interpose gallery generate` does this.
+The keys, half a second to three apart, are those of a database's clips; the result is sampled half-way between its
+frames, so that no frame of it is recorded. `interpose gallery generate` runs this.
 """
 
 from __future__ import annotations
@@ -24,29 +23,29 @@ from interpose.runtime.model_folder import Session
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.skeleton import HUMANOID
 
-FRAMES = 18_000
-"""Frames of a gallery that travels with a model; its index is ready in a quarter of a second."""
-GAPS = (15, 90)
+GALLERY_FRAMES = 18_000
+"""Frames of a bundled gallery; its index is ready in a quarter of a second."""
+GAP_STEPS = (15, 90)
 """Steps between keys, at least and at most."""
-CHAIN = 600
+CHAIN_STEPS = 600
 """Steps of a chain at most."""
-SHORTEST = 2 * GAPS[1]
+SHORTEST_CLIP = 2 * GAP_STEPS[1]
 """Frames that a clip must have to carry one."""
 
 
 def add_gallery(
     session: Session,
     database: Database,
-    frames: int = FRAMES,
+    frames: int = GALLERY_FRAMES,
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> store.Gallery:
-    """Writes `gallery.npz` into the model's folder and says in its `model.json` what it was made from.
+    """Writes `gallery.npz` into the model's folder and its origin into `model.json`.
 
     Raises InputError where ``frames`` is too few, no clip is long enough, or the folder cannot be written to.
     """
-    if frames < CHAIN:
-        raise InputError(f"a gallery of {frames} frames is too small; ask for {CHAIN} or more")
+    if frames < CHAIN_STEPS:
+        raise InputError(f"a gallery of {frames} frames is too small; ask for {CHAIN_STEPS} or more")
     made = tracks(session, database, frames, seed, progress)
     keys = f"key poses of {database.dataset} {database.fingerprint[:12]}".strip()
     info = {
@@ -75,7 +74,9 @@ def tracks(
     draw = np.random.default_rng(seed)
     chains = _chains(database, frames, draw)
     if not chains:
-        raise InputError(f"{database.path}: no clip is longer than {SHORTEST} frames; chains of gaps need longer ones")
+        raise InputError(
+            f"{database.path}: no clip is longer than {SHORTEST_CLIP} frames; chains of gaps need longer ones"
+        )
     labels = [database.clips[clip].style for clip, _ in chains]
     styles = [label if label in session.styles else None for label in labels]
     keys = [keys for _, keys in chains]
@@ -108,19 +109,19 @@ def _chains(database: Database, frames: int, draw: np.random.Generator) -> list[
     labels, out = database.style_indices(), []
     styles = np.unique(labels)
     for style in styles:
-        clips = [c for c in np.nonzero(labels == style)[0].tolist() if np.diff(database.ranges[c])[0] >= SHORTEST]
+        clips = [c for c in np.nonzero(labels == style)[0].tolist() if np.diff(database.ranges[c])[0] >= SHORTEST_CLIP]
         wanted, order = frames // len(styles), draw.permutation(clips).tolist()
         lasts = {clip: int(database.ranges[clip, 0]) for clip in clips}
         while wanted > 0 and order:
             clip = order.pop(0)
             stop = int(database.ranges[clip, 1])
             keys = [lasts[clip]]
-            while keys[-1] - keys[0] < min(CHAIN, wanted + GAPS[1]):
-                following = keys[-1] + int(draw.integers(GAPS[0], GAPS[1] + 1))
+            while keys[-1] - keys[0] < min(CHAIN_STEPS, wanted + GAP_STEPS[1]):
+                following = keys[-1] + int(draw.integers(GAP_STEPS[0], GAP_STEPS[1] + 1))
                 if following >= stop:
                     break
                 keys.append(following)
-            if keys[-1] - keys[0] < GAPS[1]:
+            if keys[-1] - keys[0] < GAP_STEPS[1]:
                 continue
             out.append((clip, keys))
             wanted -= keys[-1] - keys[0]

@@ -16,7 +16,7 @@ from interpose.skeleton import HUMANOID
 PARENTS = HUMANOID.parents
 POSE = 3 + JOINTS * 6
 Path = Float[ndarray, "_ 3"]
-"""The root's way on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
+"""The root's path on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
 _UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -59,7 +59,7 @@ def local_of(six: Float[ndarray, "*batch 22 6"]) -> Float[ndarray, "*batch 22 4"
 def continued(
     start: Float[ndarray, "batch joint 4"], local: Float[ndarray, "batch frame joint 4"]
 ) -> Float[ndarray, "batch frame joint 4"]:
-    """``local`` with the signs that go on without a jump from the start key's."""
+    """``local`` with signs that continue from the start key's without a jump."""
     whole = np.concatenate([start[:, None], local], axis=1)
     return rotation.continuous(whole.swapaxes(0, 1)).swapaxes(0, 1)[:, 1:]
 

@@ -35,7 +35,7 @@ def apart(one: Motion, other: Motion) -> tuple[float, float]:
 def judge(
     starts: list[Motion], inner: list[Motion], target: Motion, mapping: retarget.Mapping | str
 ) -> tuple[list[float | None], list[float]]:
-    """Foot slide and cost of each transition; without a mapping nothing is known of either.
+    """Foot slide and cost of each transition; without a mapping both are unknown.
 
     The cost is the foot slide and how much the joints' mean step changes at the two ends, in centimetres a 30 Hz frame.
     """

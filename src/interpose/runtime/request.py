@@ -1,4 +1,4 @@
-"""All that is asked of a gap. It travels whole from command, library and studio to the backend."""
+"""A request for a gap. It travels whole from command, library and studio to the backend."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_STYLE_STRENGTH = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What is asked of every gap. What the method and the model cannot do is refused with InputError, never ignored.
+    """How every gap is to be filled. What the method and the model cannot do is refused with InputError, never ignored.
 
     method: a name of `interpose.runtime.backends.registry`. model: that serves it; None where it needs none. style: one
     of the model's in any case, or a blend (`style_blend`), or None to leave it free. style_strength: from 0, as good as

@@ -1,10 +1,7 @@
-"""A target that is given only in part, completed: the whole pose that a transition then leads to.
+"""Partial targets: the whole pose that a transition leads to where only some joints of its target are given.
 
-The model's completion network says what it takes the figure to look like there (`interpose.models.target_pose`), on
-the 22 joints; a model without one has the start pose carried along. Feet that it takes to stand are brought to the
-floor, none is left below it. Then inverse kinematics brings what is given exactly to where it is given: first on the 22
-joints, arms and legs in their bending planes (`limb`), in the end on the user's own rig (`solve`), whose proportions
-are others.
+The model's completion network predicts the pose (`interpose.models.target_pose`); without one the start pose is carried
+along. Inverse kinematics then makes the given parts exact, first on the 22 joints, in the end on the user's own rig.
 """
 
 from __future__ import annotations
@@ -35,9 +32,9 @@ from interpose.skeleton import HUMANOID
 TEMPERATURE = 0.8
 """How far variants lie from the likeliest pose, as a share of the prior's deviation."""
 SHORT = 1e-3
-"""Metres: what is missed by more is told of."""
+"""Metres: a larger miss is reported."""
 PACE = 1.2
-"""Metres a second of a figure whose time is not yet known."""
+"""Metres a second of a character whose duration is not yet known."""
 _UP = np.array([0.0, 1.0, 0.0])
 _SUPPLE = {"Hips": 0.1, "Spine": 0.15, "Spine1": 0.15, "Spine2": 0.15, "Neck": 0.3, "Shoulder": 0.2}
 """How easily joints turn beside the others, whose ease is 1."""
@@ -52,7 +49,7 @@ _LIMBS = [
 _FEET = [tuple(HUMANOID.index(side + bone) for bone in ("Foot", "Toe", "Leg", "UpLeg")) for side in ("Left", "Right")]
 _FOOT = float(np.linalg.norm(HUMANOID.offsets[HUMANOID.index("LeftToe")]))
 _SLACK = 0.02
-"""Metres that an ankle may be under its resting height, as on toes that are bent under a kneeling figure."""
+"""Metres that an ankle may be under its resting height, as on toes that are bent when kneeling."""
 
 
 _THICK = 0.03
@@ -185,7 +182,7 @@ def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]
 
 
 def _apart(pose: Motion, goal: Motion) -> float:
-    """How much ``goal`` faces another way than ``pose``, both on the 22 joints."""
+    """The yaw from ``pose`` to ``goal``, both on the 22 joints."""
     return float(pose_yaw(goal.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0]))
 
 
@@ -238,7 +235,7 @@ def _ending(
 
 def _wanted(pose: Motion, goal: Motion, parts: Parts, joints: dict[int, int]) -> JointTargets:
     """The given parts of ``goal``; ``joints``: what stands for each of the 22 in both. Hips of which only the ground is
-    given keep their height and their turn, which faces the right way already."""
+    given keep their height and their turn, which faces the right direction already."""
     at, turned = goal.global_positions()[0], goal.global_rotations()[0]
     wanted = JointTargets(
         {joints[ours]: at[joints[ours]] for ours in parts.joints},

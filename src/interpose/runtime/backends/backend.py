@@ -17,11 +17,11 @@ LONGEST_GAP_STEPS = 601
 class Abilities:
     """What a method can do with a model; what it cannot is refused, never ignored.
 
-    styles: that can be asked for, each at any strength. paths: the root can follow a path. partial_targets: a network
-    completes a target of which only some joints are given; otherwise the start pose is carried along. variants: several
-    candidates of one gap differ. latent_variants: they do so by their latents alone; otherwise further variants also
-    take other styles and trajectories of the gallery, and long gaps are matched from it. longest_steps: from start to
-    target, None for no limit. any_rig: works on a skeleton that is no humanoid, at its own rate.
+    styles: labels that can be requested, each at any strength. paths: the root can follow a path. partial_targets: a
+    network completes a target of which only some joints are given; otherwise the start pose is carried along. variants:
+    several candidates of one gap differ. latent_variants: they do so by their latents alone; otherwise further variants
+    also take other styles and trajectories of the gallery, and long gaps are matched from it. longest_steps: from start
+    to target, None for no limit. any_rig: works on a skeleton that is no humanoid, at its own rate.
     """
 
     styles: tuple[str, ...] = ()

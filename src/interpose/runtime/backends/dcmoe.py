@@ -121,7 +121,7 @@ def roll_out(session: Session, batch: GapBatch) -> Generated:
 def path_keys(paths: Sequence[Path | None], frames: int) -> Float[ndarray, "batch {frames} 6 6"]:
     """What the input `path` shows of each row's path at each step: root, facing and velocity at the six keys ahead.
 
-    Beyond a path's end its last frame goes on being shown, as in training. Rows without a path have zeros.
+    Beyond a path's end its last frame is repeated, as in training. Rows without a path have zeros.
     """
     out = np.zeros((len(paths), frames, SIDE_KEYS, 6))
     for row, path in enumerate(paths):

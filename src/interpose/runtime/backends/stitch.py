@@ -140,8 +140,8 @@ class PaperForm:
     def _turn(self) -> Float[ndarray, "batch 4"]:
         """From the world into the start's root frame."""
         half = -0.5 * np.arctan2(self.start.facing[:, 0], self.start.facing[:, 1])
-        nothing = np.zeros_like(half)
-        return np.stack([nothing, np.sin(half), nothing, np.cos(half)], axis=-1)
+        zero = np.zeros_like(half)
+        return np.stack([zero, np.sin(half), zero, np.cos(half)], axis=-1)
 
     @property
     def _origin(self) -> Float[ndarray, "batch 3"]:

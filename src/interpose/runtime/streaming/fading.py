@@ -1,9 +1,7 @@
-"""What a character's pose differs by from the network's while a change of course dies away.
+"""Offsets of a character's pose from the network's, which keep its velocity through a change of target.
 
-Where a stream's target, time or style changes, the network's way jumps to another one. The pose that is shown goes on
-as it went: it keeps an offset from the network's pose, which begins with the velocity that the change took away and is
-gone, with its first derivative, after :data:`FADE` frames or at the target. That is the inertialisation of `inertia`
-(Bollo 2018) one frame at a time, free to be disturbed again while it fades. Angles are rotation vectors.
+Inertialisation (Bollo 2018) one frame at a time: an offset begins with the velocity that the change took away and fades
+to zero, with its first derivative, within :data:`FADE` frames or at the target. Angles are rotation vectors.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ FADE = inertia.FADE * MODEL_RATE
 class Fade:
     """Offsets that fade, a row a character: of the hips in metres, then of each joint's local rotation.
 
-    value; speed: a frame. left: frames until both are nil.
+    value; speed: a frame. left: frames until both are zero.
     """
 
     value: Float[ndarray, "row part 3"]
@@ -36,8 +34,8 @@ class Fade:
 
 def none(rows: int, parts: int = 1 + JOINTS) -> Fade:
     """No offset."""
-    nil = np.zeros((rows, parts, 3))
-    return Fade(nil, nil.copy(), np.zeros(rows))
+    zero = np.zeros((rows, parts, 3))
+    return Fade(zero, zero.copy(), np.zeros(rows))
 
 
 def kicked(fade: Fade, rows: Bool[ndarray, "row"], speed: Float[ndarray, "some part 3"]) -> Fade:
@@ -50,7 +48,7 @@ def kicked(fade: Fade, rows: Bool[ndarray, "row"], speed: Float[ndarray, "some p
 def advanced(fade: Fade, frames_left: Float[ndarray, "row"]) -> Fade:
     """The offsets a frame later, gone when ``frames_left`` frames from now are over.
 
-    They follow the cubic from their value and speed to nil and rest.
+    They follow the cubic from their value and speed to zero and rest.
     """
     left = np.minimum(fade.left, frames_left)
     time = np.maximum(left, 1.0)[:, None, None]

@@ -1,8 +1,7 @@
 """One pose a call, for games: target, time and style may change at any call.
 
-A stream is one character of :class:`interpose.runtime.streaming.streams.Streams`, whose module text says how it is
-done. Feet are as the model makes them, or held where they stand (`footlock`): the clean-up of a whole transition needs
-to know what comes.
+Feet are as the model predicts them, or held where they stand (`feet.stream_lock`): the foot lock of whole transitions
+needs the frames to come.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from interpose.runtime.streaming.streams import Streams
 
 
 class Stream:
-    """A character on its way, one pose a thirtieth of a second. Made by :meth:`interpose.Model.stream`."""
+    """One character, one pose every thirtieth of a second. Made by :meth:`interpose.Model.stream`."""
 
     def __init__(
         self,
@@ -41,7 +40,7 @@ class Stream:
 
     @property
     def contacts(self) -> Float[ndarray, "4"]:
-        """Probabilities that LeftFoot, LeftToe, RightFoot, RightToe stand in it; nil before the first step."""
+        """Probabilities that LeftFoot, LeftToe, RightFoot, RightToe stand in it; zero before the first step."""
         return self._one.contacts[0]
 
     @property
@@ -54,7 +53,7 @@ class Stream:
         self._one.styles = style
 
     def step(self, target: Motion, seconds_left: float) -> Motion:
-        """The pose a thirtieth of a second later, on the way to be at ``target`` in ``seconds_left`` from now.
+        """The pose a thirtieth of a second later, to be at ``target`` in ``seconds_left`` from now.
 
         ``target``: its first frame, on the start's skeleton. With a thirtieth of a second left or less the pose is the
         target. Raises InputError for another skeleton and a time that is negative or not finite.

@@ -1,10 +1,8 @@
 """Poses for many characters, one a call: targets, times and styles may change at any call.
 
-Each call is one step of the roll-out (`rollout`) for all characters, in one run of the network. While a character's
-target, time and style go on as they were, its interpolation base (docs/method.md, D1) goes on too, so that undisturbed
-calls give the very frames of the whole roll-out. Where one changes, a new base begins at the present pose; the network
-says in the same run where the former course would have gone, and the difference in velocity fades (`fading`). At a
-target that is reached, and at the start where the frame before it is known, the velocity is carried on alike.
+Each call runs one step of the roll-out for all characters. While a character's target, time and style stay the same,
+its calls give the frames of the whole roll-out. When one of them changes, a new base begins at the present pose, and
+the change in velocity fades (`fading`), as it does at a key where the velocity before it is known.
 """
 
 from __future__ import annotations
@@ -38,10 +36,10 @@ Pose = tuple[Float[ndarray, "_ 3"], Float[ndarray, "_ 22 4"]]
 
 
 class Streams:
-    """Characters of one rig on their way, a pose each a thirtieth of a second. Made by :meth:`interpose.Model.streams`.
+    """Characters of one rig, a pose each every thirtieth of a second. Made by :meth:`interpose.Model.streams`.
 
     poses: the present poses on the user's rig; frame i is character i's. contacts: (character, 4), probabilities that
-    LeftFoot, LeftToe, RightFoot, RightToe stand in them; nil before the first step.
+    LeftFoot, LeftToe, RightFoot, RightToe stand in them; zero before the first step.
     """
 
     def __init__(
@@ -54,7 +52,7 @@ class Streams:
         plant: bool = False,
     ) -> None:
         """``starts``: the last frame of each is a first pose, those before it are context. ``styles``: one for all, or
-        one each. ``seeds``: one each, nil where left out. ``mapping``: of the rig, where it is known. ``plant``: hold
+        one each. ``seeds``: one each, zero where left out. ``mapping``: of the rig, where it is known. ``plant``: hold
         feet where they stand. Raises InputError for no character, several rigs, a rig that is no humanoid, an unknown
         style, and a model for whole gaps.
         """
@@ -95,7 +93,7 @@ class Streams:
         self._styles = each
 
     def step(self, targets: Motion | Sequence[Motion], seconds_left: float | Sequence[float]) -> Motion:
-        """The poses a thirtieth of a second later, each on the way to be at its target in ``seconds_left`` from now.
+        """The poses a thirtieth of a second later, each to be at its target in ``seconds_left`` from now.
 
         ``targets``: one for all or one each; the first frame counts, on the starts' skeleton. ``seconds_left``: one for
         all or one each; with a thirtieth of a second or less the pose is the target. Raises InputError for another
@@ -130,8 +128,8 @@ class Streams:
     def _keep_speed(
         self, pose: Pose, kept: Bool[ndarray, "row"], former: Pose | None, fresh: Bool[ndarray, "row"]
     ) -> None:
-        """Offsets for the speed that changes took: of ``kept`` rows, whose ``former`` courses are known, and ``fresh``
-        ones, which go on from a key."""
+        """Adds offsets for lost velocity: of ``kept`` rows, whose ``former`` next poses are known, and of ``fresh``
+        ones, which continue from a key."""
         if former is not None:
             change = fading.velocity((pose[0][kept], pose[1][kept]), former)
             self._fade = fading.kicked(self._fade, kept, change)
@@ -232,7 +230,7 @@ class Streams:
         return added * (frames <= LONGEST_PLAN_STEPS)[:, None, None]
 
     def _feed(self, rows: Int[ndarray, "some"], left: Int[ndarray, "some"]) -> dict[str, ndarray]:
-        """What the network is fed for ``rows`` on their present ways, which so many frames are left of."""
+        """The step's inputs for ``rows``, with so many frames left to their targets."""
         feed = {name: value[rows] for name, value in (self._state | self._fixed).items()}
         feed["base"] = self._base[rows]
         feed["base_next"] = self._bases.base(rows, left - 1)
@@ -298,7 +296,7 @@ class _Bases:
         frames: Int[ndarray, "some"],
         added: Float[ndarray, "some time pose"],
     ) -> None:
-        """Other ways for those characters, from ``start`` to ``goal`` in so many frames."""
+        """New bases for those characters, from ``start`` to ``goal`` in so many frames."""
         self.added[rows] = added
         self.hips[rows], self.local[rows] = start
         self.goal_hips[rows], self.goal_local[rows] = goal
@@ -306,7 +304,7 @@ class _Bases:
         self.frames[rows] = frames
 
     def base(self, rows: Int[ndarray, "some"], left: Int[ndarray, "some"]) -> Float[ndarray, "some pose"]:
-        """Where the ways of those characters are with so many frames left: hips, then global rotations as 6-D."""
+        """The bases of those characters with so many frames left: hips, then global rotations as 6-D."""
         part = 1.0 - left / self.frames[rows]
         hips = self.hips[rows] + part[:, None] * (self.goal_hips[rows] - self.hips[rows])
         step = rotation.from_rotation_vector(part[:, None, None] * self.turn[rows])
@@ -350,7 +348,7 @@ def _with_rows(motion: Motion, rows: Int[ndarray, "some"], other: Motion) -> Mot
 
 
 def _towards(poses: Motion, goals: Motion, part: Float[ndarray, "row"]) -> Motion:
-    """Each frame of ``poses`` that part of the way to its frame of ``goals``."""
+    """Each frame of ``poses`` moved by that share towards its frame of ``goals``."""
     share = part[:, None]
     moved = None
     if poses.translations is not None and goals.translations is not None:
@@ -364,7 +362,7 @@ def _towards(poses: Motion, goals: Motion, part: Float[ndarray, "row"]) -> Motio
 
 
 def _has_no_details(start: Motion, mapping: retarget.Mapping) -> bool:
-    """Whether the humanoid says all of the rig's pose."""
+    """Whether the 22 joints hold all of the rig's pose."""
     return not mapping.unmapped and start.translations is None and mapping.hips == 0
 
 
