@@ -80,3 +80,15 @@ def motions(draw: st.DrawFn, skeleton: st.SearchStrategy[Skeleton] | None = None
 def humanoid_motions() -> st.SearchStrategy[Motion]:
     """A motion of the 22 joints."""
     return motions(st.just(HUMANOID))
+
+
+def spider() -> Skeleton:
+    """A body with eight legs."""
+    names, parents, offsets = ["body"], [-1], [(0.0, 0.0, 0.0)]
+    for leg in range(8):
+        angle = leg * np.pi / 4
+        names += [f"hip{leg}", f"knee{leg}", f"tip{leg}"]
+        parents += [0, len(names) - 3, len(names) - 2]
+        out = np.array([np.cos(angle), 0.0, np.sin(angle)])
+        offsets += [0.05 * out, 0.2 * out + [0.0, 0.1, 0.0], 0.2 * out - [0.0, 0.3, 0.0]]
+    return Skeleton(tuple(names), tuple(parents), np.array(offsets))

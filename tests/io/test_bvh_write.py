@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import motions
 
-from interpose import io, rotation
+from interpose import rotation
 from interpose.io import bvh
 from interpose.io.layout import UnitLayout
 from interpose.motion import Motion, concatenate, resample
@@ -26,22 +26,6 @@ def rows_of(content: bytes) -> list[str]:
     """The row texts of a BVH file."""
     text = content.decode()
     return text[text.index("Frame Time") :].splitlines()[1:]
-
-
-def turning(orders: list[str], angles: np.ndarray) -> tuple[Motion, np.ndarray]:
-    """A motion with a layout of those rotation orders, one a joint in a chain, from degrees (frame, joint, axis)."""
-    lines = ["HIERARCHY"]
-    for joint, order in enumerate(orders):
-        names = " ".join(f"{axis}rotation" for axis in order)
-        lines += [f"{'JOINT' if joint else 'ROOT'} j{joint}", "{", "OFFSET 0 30 0", f"CHANNELS {len(order)} {names}"]
-    rows = [" ".join(f"{x:.9f}" for x in frame.ravel()) for frame in angles]
-    lines += ["}"] * len(orders) + ["MOTION", f"Frames: {len(angles)}", "Frame Time: 0.04", *rows, ""]
-    return bvh.parse("\n".join(lines).encode(), "made"), angles.reshape(len(angles), -1)
-
-
-def made_rows(motion: Motion, verbatim: dict[int, int]) -> np.ndarray:
-    """The numbers that are written for a motion, (frame, channel)."""
-    return np.array([row.split() for row in rows_of(bvh.serialize(motion, verbatim))], dtype=float)
 
 
 def test_an_unchanged_motion_gives_the_same_bytes(two_joints: str) -> None:
@@ -114,55 +98,6 @@ def test_values_that_are_not_finite_are_refused(two_joints: str) -> None:
         bvh.serialize(replace(clip, root_positions=clip.root_positions * np.nan))
 
 
-ORDERS = ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"]
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_angles_go_on_through_both_branches_and_full_turns(order: str) -> None:
-    # Every angle sweeps through more than a turn, the middle one beyond 90 degrees, where SciPy's triples jump.
-    frames = np.arange(120)[:, None, None]
-    angles = frames * np.array([7.0, 4.1, -5.3]) + np.array([100.0, -200.0, 30.0])
-    motion, rows = turning([order], angles)
-    np.testing.assert_allclose(made_rows(motion, {0: 0}), rows, atol=2e-6)
-
-
-@pytest.mark.parametrize("order", ["X", "Y", "Z", "XY", "YX", "ZY", "YZ", "XZ", "ZX"])
-def test_joints_of_one_or_two_rotation_channels(order: str) -> None:
-    frames = np.arange(120)[:, None, None]
-    angles = frames * np.array([7.0, 4.1])[: len(order)] + np.array([100.0, -200.0])[: len(order)]
-    motion, rows = turning([order], angles)
-    np.testing.assert_allclose(made_rows(motion, {0: 0}), rows, atol=2e-6)
-
-
-def test_made_rows_go_on_from_the_kept_row_before_them() -> None:
-    angles = np.cumsum(np.full((20, 2, 3), 3.0), axis=0) + np.array([720.0, 170.0, -540.0])
-    motion, rows = turning(["ZXY", "YZX"], angles)
-    kept = {0: 0, 5: 5, 12: 12, 13: 13}
-    np.testing.assert_allclose(made_rows(motion, kept), rows, atol=2e-6)
-    # With no kept row before, the next one is gone on from.
-    np.testing.assert_allclose(made_rows(motion, {19: 19}), rows, atol=2e-6)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("middle", [90.0, -90.0])
-@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-3])
-def test_near_gimbal_lock_the_rotation_is_right(order: str, middle: float, off: float) -> None:
-    angles = np.array([[[20.0, middle - off, 30.0]], [[-50.0, middle + off, 170.0]], [[0.0, middle, 0.0]]])
-    motion, _ = turning([order], angles)
-    again = bvh.parse(bvh.serialize(motion, {}), "again")
-    difference = rotation.multiply(rotation.inverse(motion.local_rotations), again.local_rotations)
-    assert rotation.angle(difference).max() < 3e-7
-
-
-def test_what_a_joint_cannot_express_is_left_out() -> None:
-    hinge, _ = turning(["X", "ZX"], np.zeros((1, 1, 3)))
-    free = Rotation.from_euler("XYZ", [[30.0, 5.0, -4.0], [10.0, 3.0, 40.0]], degrees=True)
-    written = made_rows(replace(hinge, local_rotations=free.as_quat()[None]), {})
-    # The hinge keeps the rotation about X nearest to the whole; the other joint that of its ZXY triple.
-    angle = np.rad2deg(2.0 * np.arctan2(free[0].as_quat()[0], free[0].as_quat()[3]))
-    np.testing.assert_allclose(written[0], [angle, *free[1].as_euler("ZXY", degrees=True)[:2]], atol=1e-6)
-
-
 @given(motions())
 def test_motions_of_any_skeleton_come_back(motion: Motion) -> None:
     content = bvh.serialize(motion)
@@ -201,29 +136,3 @@ def test_another_skeleton_gets_a_layout_of_its_own(two_joints: str) -> None:
     longer = Skeleton(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.offsets * 2.0)
     again = bvh.parse(bvh.serialize(replace(clip, skeleton=longer)), "again")
     np.testing.assert_allclose(again.skeleton.offsets, longer.offsets)
-
-
-def test_the_default_layout_is_plain(tmp_path: Path) -> None:
-    still = Motion(HUMANOID, np.array([[0.0, 0.9, 0.0]]), np.tile(rotation.IDENTITY, (1, 22, 1)), 30.0)
-    io.write(tmp_path / "still.bvh", still)
-    lines = (tmp_path / "still.bvh").read_text().splitlines()
-    assert lines[:6] == [
-        "HIERARCHY",
-        "ROOT Hips",
-        "{",
-        "\tOFFSET 0.000000 0.000000 0.000000",
-        "\tCHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation",
-        "\tJOINT LeftUpLeg",
-    ]
-    assert sum("End Site" in line for line in lines) == 5
-    assert lines[-1].startswith("0.000000 90.000000 0.000000 0.000000")
-    again = io.read(tmp_path / "still.bvh").skeleton
-    assert (again.names, again.parents) == (HUMANOID.names, HUMANOID.parents)
-    np.testing.assert_allclose(again.offsets, HUMANOID.offsets, rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize("name", ["", " Hips", "a{b", "a\nb"])
-def test_names_that_bvh_cannot_hold_are_refused(name: str) -> None:
-    body = Skeleton((name,), (-1,), np.zeros((1, 3)))
-    with pytest.raises(ValueError, match="BVH cannot hold the joint name"):
-        bvh.serialize(Motion(body, np.zeros((1, 3)), np.array([[[0.0, 0.0, 0.0, 1.0]]]), 30.0))

@@ -91,3 +91,11 @@ def test_reading_stops_at_the_limit(tmp_path: Path) -> None:
     assert files.read_whole(path, limit=8) == b"12345678"
     with pytest.raises(InputError, match="larger than 0 MB"):
         files.read_whole(path, limit=7)
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding"),
+    [(b"", "utf-8"), ("Hüfte".encode(), "utf-8"), (b"\xef\xbb\xbfHips", "utf-8-sig"), (b"H\xfcfte", "latin-1")],
+)
+def test_text_is_utf8_where_it_can_be(data: bytes, encoding: str) -> None:
+    assert files.encoding_of(data) == encoding
