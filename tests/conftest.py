@@ -60,7 +60,7 @@ def bandai_dir(data_dir: Path, request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture(scope="session")
 def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
-    """Three clips of marching figures in two styles."""
+    """Three clips of marching people in two styles."""
     import learning
 
     return learning.write_database(tmp_path_factory.mktemp("learning") / "db")

@@ -1,20 +1,20 @@
-"""What the tests of training, export and run time share: a database of marching figures, networks of random weights.
+"""What the tests of training, export and run time share: a database of marching people, networks of random weights.
 
-The networks are small and loud: their last layer is as wide awake as that of a trained one, so that a wrong feature,
-frame or state shows in what they say.
+The networks are small and loud: their last layers have weights as large as a trained network's, so that a wrong
+feature, frame or state shows in their output.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
+from torch import Tensor, nn
 
 from interpose import rotation
 from interpose.data import database, root
@@ -22,32 +22,42 @@ from interpose.data.database import ClipArrays, ClipInfo, Database
 from interpose.features import CHANNELS, RATE
 from interpose.models.dcmoe import Control, DCMoE
 from interpose.models.layers import Residual
-from interpose.models.planner import GapPlan, PlanSize
+from interpose.models.planner import Planner, PlannerSize
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 from interpose.train.common import checkpoint, loop
 from interpose.train.common.frames import Frames, load_frames
+from interpose.train.common.gaps import true_poses
 from interpose.train.dcmoe import recipe
-from interpose.train.dcmoe.config import size_of
-from interpose.train.dcmoe.sequences import Rows, Truth, base_window, control, poses, truth
+from interpose.train.dcmoe.config import DCMoEConfig
+from interpose.train.dcmoe.sequences import Rows, Truth, base_window, control, truth
 from interpose.train.planner import objective
+from interpose.train.planner.config import PlannerConfig
 
 STYLES = ("Old", "Young")
 LENGTHS = (150, 90, 120)
 """Frames of the clips: Old, Young, Old."""
-CONFIG = recipe.Config(
+PLANNER = PlannerConfig(
+    preset="tiny",
+    size=PlannerSize(latent=8, hidden=32, depth=1, styles=len(STYLES)),
+    databases=("synthetic 1234",),
+    styles=STYLES,
+    licence="CC BY 4.0",
+)
+"""What a run of the planner on this database keeps."""
+CONFIG = DCMoEConfig(
     preset="tiny",
     experts=2,
     hidden=16,
     gate=(16, 8),
-    planner=None,
-    databases=("synthetic 1234",),
+    databases=PLANNER.databases,
     styles=STYLES,
     phases=True,
-    licence="CC BY 4.0",
+    licence=PLANNER.licence,
 )
-PLANNED = replace(CONFIG, planner=PlanSize(latent=8, hidden=32, depth=1, styles=len(STYLES)))
-"""The same with a planner."""
+"""The same of DC-MoE, without a planner."""
+PLANNED = replace(CONFIG, plan=PLANNER)
+"""The same with one."""
 
 
 def march(frames: int, hertz: float, heading: float) -> Motion:
@@ -104,23 +114,32 @@ def frames_of(data: Database) -> Frames:
     return load_frames(data, phases_of(data), list(STYLES), [(int(a), int(b)) for a, b in data.ranges])
 
 
-def network_for(data: Frames, absolute: bool = False, config: recipe.Config = CONFIG) -> DCMoE:
+def network_for(data: Frames, absolute: bool = False, config: DCMoEConfig = CONFIG) -> DCMoE:
     """A loud network of random weights, its features normalised for ``data``."""
+    config = replace(config, absolute=absolute)
     torch.manual_seed(3)
-    model = DCMoE(replace(size_of(asdict(config)), absolute=absolute))
+    model = DCMoE(config.size)
     with torch.no_grad():
         model.network.experts[2].linear.weight.mul_(1.0 if absolute else 8.0)
         model.network.experts[2].linear.bias.normal_(std=0.3)
         model.network.gate[-1].weight.mul_(20.0)
     generator = torch.Generator().manual_seed(0)
-    if model.planner is not None:
-        _wake(model.planner)
-        objective.set_statistics(model.planner, data, config.sampling, generator, count=512)
+    if model.planner is not None and config.plan is not None:
+        loud_planner(model.planner)
+        objective.set_statistics(model.planner, data, config.plan.sampling, generator, count=512)
     recipe.set_statistics(model, data, config, generator, count=512)
     return model.eval().requires_grad_(False)
 
 
-def _wake(planner: GapPlan) -> None:
+def planner_for(data: Frames, config: PlannerConfig = PLANNER, seed: int = 3) -> Planner:
+    """A loud planner of random weights, its features normalised for ``data``."""
+    torch.manual_seed(seed)
+    planner = loud_planner(Planner(config.size))
+    objective.set_statistics(planner, data, config.sampling, torch.Generator().manual_seed(0), count=512)
+    return planner.eval().requires_grad_(False)
+
+
+def loud_planner(planner: Planner) -> Planner:
     """Random weights where a network begins with none, and louder last layers."""
     with torch.no_grad():
         for module in planner.modules():
@@ -128,17 +147,18 @@ def _wake(planner: GapPlan) -> None:
                 module.second.weight.normal_(std=0.1)
         for network in (planner.prior, planner.posterior, planner.decoder):
             network[-1].weight.mul_(3.0)
+    return planner
 
 
 def silence(model: DCMoE) -> DCMoE:
-    """The same network with its last layer at zero: it says the means that its buffers hold."""
+    """The same network with its last layer at zero: its output is the means that its buffers hold."""
     with torch.no_grad():
         model.network.experts[2].linear.weight.zero_()
         model.network.experts[2].linear.bias.zero_()
     return model
 
 
-def write_run(folder: Path, model: DCMoE, config: recipe.Config = CONFIG, step: int = 20) -> Path:
+def write_run(folder: Path, model: nn.Module, config: object = CONFIG, step: int = 20) -> Path:
     """A run folder as a training of ``model`` leaves it."""
     folder.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
@@ -149,11 +169,11 @@ def write_run(folder: Path, model: DCMoE, config: recipe.Config = CONFIG, step: 
 def steering(data: Frames, rows: Rows) -> Control:
     """What steers the next step of each row."""
     base = base_window(data, rows, 1)
-    turned, placed = poses(data, rows.start, rows.total, rows.keys, rows.total[:, None])
+    turned, placed = true_poses(data, rows.gaps, rows.gaps.steps[:, None])
     return control(data, rows, base[0], base[1], turned[:, 0], placed[:, 0])
 
 
 def coming(data: Frames, rows: Rows, frame: Tensor, origin: Tensor) -> Truth:
     """What the next step of each row should give, in its root frame."""
-    turned, placed = poses(data, rows.start, rows.total, rows.keys, torch.stack([rows.gone, rows.gone + 1], dim=1))
+    turned, placed = true_poses(data, rows.gaps, torch.stack([rows.gone, rows.gone + 1], dim=1))
     return truth(data, rows, turned[:, 1], placed[:, 1], placed[:, 0], frame, origin)

@@ -1,7 +1,4 @@
-"""What the tests of stitching share: small networks of random weights that say a lot, as in `learning`, and gaps.
-
-Like those of `learning` the networks are loud: whatever goes in wrongly shows in what they say.
-"""
+"""What the tests of stitching share: small, loud networks of random weights, as in `learning`, and gaps."""
 
 from __future__ import annotations
 
@@ -12,74 +9,75 @@ from typing import TypeVar
 
 import roma
 import torch
-from learning import STYLES
+from learning import PLANNER, STYLES, loud_planner
+from learning import write_run as write_any
 from torch import Tensor, nn
 
 from interpose.features import RATE
-from interpose.models.layers import Residual
 from interpose.models.stitch_forms import Aim, Body
-from interpose.models.stitching_cvae import Latent, Size, StitchingCVAE
-from interpose.train.common import checkpoint, gaps, loop
+from interpose.models.stitching_cvae import Latent, StitchingCVAE, StitchSize
+from interpose.train.common import gaps
 from interpose.train.common.frames import Frames
-from interpose.train.common.gaps import Sampling
-from interpose.train.stitch.config import LETTER, PRESETS, Config
+from interpose.train.common.gaps import GapSampling
+from interpose.train.planner import objective
+from interpose.train.stitch.config import PAPER_SIZE, PRESETS, StitchConfig
 from interpose.train.stitch.transitions import set_statistics
+from interpose.train.stitch.truth import mean_quaternions, paper_motion, yaw_motion
 
 T = TypeVar("T", bound=tuple)
 _TINY = PRESETS["tiny"]
 CONFIG = replace(
     _TINY,
-    size=replace(_TINY.size, plan=replace(_TINY.size.plan, styles=len(STYLES))),
-    databases=("synthetic 1234",),
+    size=replace(_TINY.size, latent=PLANNER.size.latent, styles=len(STYLES), plan=PLANNER.size),
+    plan=PLANNER,
+    databases=PLANNER.databases,
     styles=STYLES,
-    licence="CC BY 4.0",
+    licence=PLANNER.licence,
 )
 """What a run of preset ``tiny`` on `learning`'s database keeps."""
 
 
-def letter(size: Size) -> Size:
-    """The paper's form and latents at that size."""
-    return replace(size, form=LETTER.form, latents=LETTER.latents, planned=LETTER.planned)
+def paper_form(size: StitchSize) -> StitchSize:
+    """The paper's form and latents at that size, without a planner."""
+    changes = {"form": PAPER_SIZE.form, "latents": PAPER_SIZE.latents, "planned": PAPER_SIZE.planned}
+    return replace(size, plan=None, **changes)
 
 
-PAPER = replace(CONFIG, preset="paper", size=letter(CONFIG.size), course=PRESETS["paper"].course)
+PAPER = replace(CONFIG, preset="paper", size=paper_form(CONFIG.size), plan=None, chains=PRESETS["paper"].chains)
 """Preset ``paper`` as small as ``tiny``."""
 
 
 def loud(model: StitchingCVAE) -> StitchingCVAE:
-    """The same model, whose every part is heard: last layers wide awake, gates that choose, biases everywhere."""
+    """The same model with every part audible: large last layers, gates that choose, biases everywhere."""
     with torch.no_grad():
         for module in model.modules():
             if isinstance(module, nn.Linear):
                 module.weight.mul_(2.0)
                 if module.bias is not None:
                     module.bias.add_(0.3 * torch.randn_like(module.bias))
-            if isinstance(module, Residual):
-                module.second.weight.normal_(std=0.1)
         for side in (model.front, model.back):
             side.experts[-1].linear.weight.mul_(4.0)
             side.gate[-1].weight.mul_(2.0)
         if model.plan is not None:
-            for network in (model.plan.prior, model.plan.posterior, model.plan.decoder):
-                network[-1].weight.mul_(5.0)
+            loud_planner(model.plan)
             model.plan.prior[-1].bias[model.size.latent :] -= 1.0
     return model
 
 
-def network_for(data: Frames, config: Config = CONFIG, seed: int = 3) -> StitchingCVAE:
+def network_for(data: Frames, config: StitchConfig = CONFIG, seed: int = 3) -> StitchingCVAE:
     """A loud model of random weights, its features normalised for ``data``."""
     torch.manual_seed(seed)
     model = loud(StitchingCVAE(config.size))
+    if model.plan is not None:
+        generator = torch.Generator().manual_seed(0)
+        objective.set_statistics(model.plan, data, config.sampling, generator, count=512)
     set_statistics(model, data, config, torch.Generator().manual_seed(0), count=32)
     return model.eval().requires_grad_(False)
 
 
-def write_run(folder: Path, model: StitchingCVAE, config: Config = CONFIG, step: int = 20) -> Path:
+def write_run(folder: Path, model: StitchingCVAE, config: StitchConfig = CONFIG, step: int = 20) -> Path:
     """A run folder as a training of ``model`` leaves it."""
-    folder.mkdir()
-    parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
-    checkpoint.save(folder, checkpoint.State(parts), step, config)
-    return folder
+    return write_any(folder, model, config, step)
 
 
 @dataclass(frozen=True)
@@ -150,11 +148,11 @@ class Elsewhere:
         return like.new_tensor([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
 
 
-KNOWN = Sampling(path=1.0, velocity=1.0, style_dropout=0.0)
-"""Gaps of which everything is told."""
+KNOWN = GapSampling(path=1.0, velocity=1.0, style_dropout=0.0)
+"""Gaps of which everything is known."""
 
 
-def drawn(data: Frames, count: int, steps: int | None = None, rule: Sampling = KNOWN, seed: int = 0) -> gaps.Gaps:
+def drawn(data: Frames, count: int, steps: int | None = None, rule: GapSampling = KNOWN, seed: int = 0) -> gaps.Gaps:
     """Gaps of ``data``."""
     return gaps.draw(data, count, len(STYLES), rule, torch.Generator().manual_seed(seed), steps)
 
@@ -165,13 +163,13 @@ def double(values: T) -> T:
 
 
 def situation(data: Frames, count: int = 6, steps: int = 12, form: str = "yaw", seed: int = 1) -> tuple[Body, Aim]:
-    """A chain on its way, two frames from the start of gaps, led to the frame before their target; the base is
-    interpolation, from which both are far."""
+    """A chain two frames from the start of gaps, led to the frame before their target; the base is interpolation,
+    from which both are far."""
     chosen = drawn(data, count, steps, seed=seed)
     if form == "paper":
-        true = gaps.letter_motion(data, chosen, steps, gaps.mean_quaternions(data))
+        true = paper_motion(data, chosen, steps, mean_quaternions(data))
     else:
-        true = gaps.motion(data, chosen, steps)
+        true = yaw_motion(data, chosen, steps)
     body = Body(
         true.hips[:, 2],
         true.rotations[:, 2],
@@ -187,7 +185,7 @@ def situation(data: Frames, count: int = 6, steps: int = 12, form: str = "yaw", 
     return body, Aim(*there, left, *base.unbind(dim=1))
 
 
-def latent(size: Size, count: int = 6, share: float = 0.4, seed: int = 2) -> Latent:
+def latent(size: StitchSize, count: int = 6, share: float = 0.4, seed: int = 2) -> Latent:
     """Noise, and styles by turns."""
     value = torch.randn(count, size.latent, generator=torch.Generator().manual_seed(seed))
     style = torch.eye(size.styles + 1)[torch.arange(count) % (size.styles + 1)]

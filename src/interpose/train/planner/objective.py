@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from interpose.features.plan import LONGEST_PLAN_STEPS
@@ -102,7 +102,7 @@ def planned_base(
     data: Frames,
     gaps: Gaps,
     plan: Float[Tensor, "row anchor pose"] | None,
-    at: Float[Tensor, "row time"],
+    at: Int[Tensor, "row time"],
 ) -> Float[Tensor, "row time pose"]:
     """The base at the frames ``at`` after each start, clamped at the target: interpolation, and with a ``plan`` its
     spline, the root on the true path where that is given. As `interpose.runtime.planner` makes it."""
