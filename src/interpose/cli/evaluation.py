@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from interpose.cli.training import of_extra
+from interpose.cli.inputs import gallery_of, of_extra
+from interpose.cli.output import show_progress
 from interpose.errors import InputError
 
 DEFAULT_METHODS = {"lafan1": "interp,zero-velocity", "dcmoe": "interp,plan,dcmoe", "stitch": "interp,plan,stitch"}
@@ -30,7 +31,6 @@ def on_lafan1(
 
 
 def gallery(data: str, name: str | None, model: str | None, out: str, part: str, seed: int) -> int:
-    from interpose.cli.gallery import gallery_of
     from interpose.data import database
     from interpose.evaluate.gallery import evaluate_gallery
     from interpose.runtime import model_folder
@@ -61,11 +61,6 @@ def style(data: str, model: str | None, out: str, strengths: str, part: str, see
         progress=show_progress,
     )
     return _print_tables(folder)
-
-
-def show_progress(message: str) -> None:
-    """On standard error."""
-    print(message, file=sys.stderr, flush=True)
 
 
 def _print_tables(folder: Path) -> int:

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from interpose import retarget
+from interpose.cli.inputs import gallery_of, pose
 from interpose.data import database
 from interpose.errors import InputError
 from interpose.features import RATE
@@ -96,31 +97,12 @@ def plot(name: str, out: str, style: str | None, distance: float, seed: int) -> 
     return 0
 
 
-def gallery_of(name: str) -> Gallery:
-    """A gallery's folder, a gallery.npz, or the gallery of a model by the model's name or folder."""
-    path = Path(name)
-    if path.suffix == ".npz" or (path / store.META).exists():
-        return store.load(path)
-    try:
-        found = model_folder.load(name).gallery
-    except InputError:
-        known = ", ".join(folder.name for folder in model_folder.installed()) or "none"
-        raise InputError(
-            f"{name} is no gallery and no model with one; give a folder of 'interpose gallery build', or one of {known}"
-        ) from None
-    if found is None:
-        raise InputError(f"the model '{name}' has no gallery; make one with 'interpose gallery build'")
-    return found
-
-
 def _query(start: str, target: str) -> tuple[Query, EndStates]:
     places = [_place(text) if _PLACE.fullmatch(text) and not Path(text).exists() else None for text in (start, target)]
     if all(place is not None for place in places):
         return Query(*(place for place in places if place is not None)), NOTHING_KNOWN
     if any(place is not None for place in places):
         raise InputError("give two poses of files, or two places X,Z,DEG, not one of each")
-    from interpose.cli.generate import pose
-
     keys: list[Motion] = []
     for text, default in ((start, -1), (target, 0)):
         motion = pose(text, default).pose

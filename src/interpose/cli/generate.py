@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from interpose import io, parts
 from interpose import keys as key_text
-from interpose.cli.gallery import gallery_of
+from interpose.cli.inputs import gallery_of, named_pose, pose
 from interpose.cli.options import Options
 from interpose.cli.output import output_paths, write_all
 from interpose.drawn_path import path_file
@@ -34,7 +34,7 @@ def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
 
 
 def between(start: str, target: str, frames: int | None, options: Options, target_joints: str | None = None) -> int:
-    paths = _outputs(options, _named(start)[0], _named(target)[0])
+    paths = _outputs(options, named_pose(start)[0], named_pose(target)[0])
     given = None if target_joints is None else parts.parse(target_joints)
     first, last = pose(start, -1), pose(target, 0)
     made = inbetween.inbetween(
@@ -82,28 +82,6 @@ def _request(options: Options, untimed: bool, given: parts.Parts | None = None) 
         seed=options.seed,
         parts=given,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class FilePose:
-    """A frame of a file."""
-
-    pose: Motion
-    file: str
-    frame: int
-
-
-def pose(text: str, default: int) -> FilePose:
-    """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
-    name, frame = _named(text)
-    clip = io.read(name)
-    number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
-    return FilePose(clip[number], name, number)
-
-
-def _named(text: str) -> tuple[str, int | None]:
-    """The file and the frame, where one is named."""
-    return (text, None) if Path(text).is_file() else key_text.parse_pose(text)
 
 
 def _write(paths: Sequence[Path], motions: Sequence[Motion], unchanged_rows: Sequence[dict[int, int]]) -> None:

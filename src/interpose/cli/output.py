@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -53,3 +54,8 @@ def write_all(paths: Sequence[Path], write: Callable[[int, Path], None]) -> None
         for temporary in temporaries:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def show_progress(message: str) -> None:
+    """On standard error."""
+    print(message, file=sys.stderr, flush=True)

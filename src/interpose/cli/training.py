@@ -6,16 +6,15 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+from interpose.cli.inputs import of_extra
+from interpose.cli.output import show_progress
 from interpose.errors import InputError
 
 _RECIPES = {"pae": "phases.recipe", "plan": "planner.recipe", "detail": "stitch.detail"}
 """The modules of recipes that are not `NAME.recipe`."""
-_EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
 
 
 def prepare(dataset: str, sources: Sequence[str], out: str, split: str, workers: int | None) -> int:
@@ -30,8 +29,6 @@ def prepare(dataset: str, sources: Sequence[str], out: str, split: str, workers:
 
 
 def labels(data: str, out: str | None, noise: float, seed: int) -> int:
-    from interpose.cli.evaluation import show_progress
-
     module = of_extra("interpose.train.style.labels")
     folder = None if out is None else Path(out)
     text = module.distil(Path(data), folder, noise=noise, seed=seed, progress=show_progress)
@@ -110,13 +107,3 @@ def export(run: str, out: str, name: str | None, onto: str | None) -> int:
     made = of_extra("interpose.export").export(Path(run), Path(out), name=name, onto=onto)
     print(f"wrote {made}", file=sys.stderr)
     return 0
-
-
-def of_extra(name: str) -> ModuleType:
-    """A module that needs the extra `train`; InputError where the extra is not installed."""
-    try:
-        return import_module(name)
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] in _EXTRA:
-            raise InputError(f"{error.name} is not installed; install it with pip install 'interpose[train]'") from None
-        raise

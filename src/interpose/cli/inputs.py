@@ -1,0 +1,68 @@
+"""What commands take by name: poses of files, galleries, and modules of the extra `train`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from interpose import io
+from interpose import keys as key_text
+from interpose.errors import InputError
+from interpose.gallery import store
+from interpose.gallery.store import Gallery
+from interpose.motion import Motion
+
+_EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
+
+
+@dataclass(frozen=True, eq=False)
+class FilePose:
+    """A frame of a file."""
+
+    pose: Motion
+    file: str
+    frame: int
+
+
+def pose(text: str, default: int) -> FilePose:
+    """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
+    name, frame = named_pose(text)
+    clip = io.read(name)
+    number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
+    return FilePose(clip[number], name, number)
+
+
+def named_pose(text: str) -> tuple[str, int | None]:
+    """The file and the frame, where one is named."""
+    return (text, None) if Path(text).is_file() else key_text.parse_pose(text)
+
+
+def gallery_of(name: str) -> Gallery:
+    """A gallery's folder, a gallery.npz, or the gallery of a model by the model's name or folder."""
+    from interpose.runtime import model_folder  # ONNX Runtime takes a while to import
+
+    path = Path(name)
+    if path.suffix == ".npz" or (path / store.META).exists():
+        return store.load(path)
+    try:
+        found = model_folder.load(name).gallery
+    except InputError:
+        known = ", ".join(folder.name for folder in model_folder.installed()) or "none"
+        raise InputError(
+            f"{name} is no gallery and no model with one; give a folder of 'interpose gallery build', or one of {known}"
+        ) from None
+    if found is None:
+        raise InputError(f"the model '{name}' has no gallery; make one with 'interpose gallery build'")
+    return found
+
+
+def of_extra(name: str) -> ModuleType:
+    """A module that needs the extra `train`; InputError where the extra is not installed."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in _EXTRA:
+            raise InputError(f"{error.name} is not installed; install it with pip install 'interpose[train]'") from None
+        raise
