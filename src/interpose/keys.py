@@ -1,6 +1,6 @@
-"""Which frames are keys: the text that a person types ("0,45,90-99") to frame numbers, and keys to gaps.
+"""Key frames: from text such as "0,45,90-99" to frame numbers, and from keys to gaps.
 
-Frames count from 0; a negative number counts from the end (-1 is the last frame). A range holds both of its ends.
+Frames count from 0, negative numbers from the end (-1 is the last frame). A range includes both of its ends.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ _ITEM = re.compile(r"(-?\d{1,12})(?:-(-?\d{1,12}))?")
 
 
 def parse_keys(text: str, frames: int) -> tuple[int, ...]:
-    """The keys that ``text`` names in a clip of ``frames`` frames, ascending.
+    """The keys named by ``text`` in a clip of ``frames`` frames, ascending.
 
-    Raises InputError, naming the value and the clip's frames, for anything but two or more ascending frame numbers of
-    the clip, separated by commas, each a number or a range.
+    Raises InputError, with the value and the clip's frames, for anything but a comma-separated list of at least two
+    ascending frames of the clip, each a number or a range.
     """
     clip = f"the clip has frames 0 to {frames - 1}"
     given = f"--keys {_shown(text)}"
@@ -28,7 +28,7 @@ def parse_keys(text: str, frames: int) -> tuple[int, ...]:
         match = _ITEM.fullmatch(item.strip())
         if match is None:
             raise InputError(
-                f"{given}: '{_shown(item.strip())}' is neither a frame nor a range of frames, as in 0,45,90-99 ({clip})"
+                f"{given}: '{_shown(item.strip())}' is not a frame or a range of frames, as in 0,45,90-99 ({clip})"
             )
         first, last = (_in_clip(number, given, frames) for number in (match[1], match[2] or match[1]))
         if last < first:
@@ -44,12 +44,12 @@ def parse_keys(text: str, frames: int) -> tuple[int, ...]:
 
 
 def gaps(keys: tuple[int, ...]) -> list[tuple[int, int]]:
-    """The (start, target) pairs of neighbouring keys that have frames between them."""
+    """The (start, target) pairs of neighbouring keys with frames between them."""
     return [(a, b) for a, b in pairwise(keys) if b - a > 1]
 
 
 def parse_pose(text: str) -> tuple[str, int | None]:
-    """FILE or FILE:FRAME to the file's name and the frame, or None where no frame is named."""
+    """Splits FILE or FILE:FRAME into the file's name and the frame; None where no frame is given."""
     name, colon, frame = text.rpartition(":")
     if colon and name and re.fullmatch(r"-?\d{1,12}", frame):
         return name, int(frame)
@@ -57,7 +57,7 @@ def parse_pose(text: str) -> tuple[str, int | None]:
 
 
 def frame_in_clip(frame: int, frames: int, name: str) -> int:
-    """``frame`` counted from the start of a clip of ``frames`` frames; InputError where the clip has no such frame."""
+    """``frame`` counted from the start of a clip of ``frames`` frames. Raises InputError where it has no such frame."""
     if not -frames <= frame < frames:
         raise InputError(f"{name}:{frame}: there is no such frame; the clip has frames 0 to {frames - 1}")
     return frame % frames

@@ -1,7 +1,4 @@
-"""A motion: a skeleton, and for each frame where its root is and how its joints are turned.
-
-Everything here is a pure function of arrays; see `interpose.io` for files and `interpose.retarget` for other skeletons.
-"""
+"""A motion: a skeleton with the root's position and the joints' rotations for each frame, and functions of motions."""
 
 from __future__ import annotations
 
@@ -43,10 +40,10 @@ class SourceLayout(Protocol):
 class Motion:
     """A clip or a pose (a motion of one frame).
 
-    root_positions: (frame, 3) metres. local_rotations: (frame, joint, 4), ``q_parent_joint``, scalar last.
-    rate: frames a second. translations: None, or (frame, joint, 3), each joint's place in its parent's frame, for files
-    that animate the positions of joints other than the root (entry 0 repeats the root's position).
-    layout: of the file it was read from; kept when the motion is cut.
+    root_positions: metres. local_rotations: ``q_parent_joint``, scalar last. rate: frames a second. translations: each
+    joint's position in its parent's frame, for files that animate joints other than the root, else None (entry 0
+    repeats the root's position). layout: of the file it was read from; kept when the motion is
+    cut. Raises ValueError where the shapes do not fit.
     """
 
     skeleton: Skeleton
@@ -72,7 +69,7 @@ class Motion:
         return len(self.root_positions)
 
     def __getitem__(self, frames: int | slice) -> Motion:
-        """One frame, or a range of frames, as a motion."""
+        """One frame, or a range of frames, as a motion. Raises IndexError for a frame outside the motion."""
         if not isinstance(frames, slice):
             count = len(self)
             if not -count <= frames < count:
@@ -104,16 +101,16 @@ class Motion:
 def from_global(
     skeleton: Skeleton, root: Float[ndarray, "frame 3"], world: Float[ndarray, "frame joint 4"], rate: float
 ) -> Motion:
-    """A motion from root positions and global rotations, signs made continuous."""
+    """A motion from root positions (metres) and global rotations, with continuous signs."""
     local = rotation.continuous(kinematics.local_rotations(world, skeleton.parents))
     return Motion(skeleton, root, local, rate)
 
 
 def concatenate(*parts: Motion) -> Motion:
-    """One motion after another; all of one skeleton and rate."""
+    """One motion after another. Raises ValueError where they differ in skeleton or rate."""
     first = parts[0]
     if any(p.skeleton != first.skeleton or p.rate != first.rate for p in parts):
-        raise ValueError("motions to be joined must share their skeleton and rate")
+        raise ValueError("motions can only be joined if they share their skeleton and rate")
     moved = [p.translations for p in parts if p.translations is not None]
     return replace(
         first,
@@ -124,9 +121,9 @@ def concatenate(*parts: Motion) -> Motion:
 
 
 def sample(motion: Motion, times: Float[ndarray, "time"]) -> Motion:
-    """The poses at ``times`` (in frames of ``motion``, fractions allowed), the root linear and the rotations SLERPed.
+    """The poses at ``times``, in frames of ``motion``: the root interpolated linearly, the rotations by SLERP.
 
-    Times outside the clip are clamped to its ends. A whole-numbered time gives that frame unchanged.
+    Times outside the clip are clamped to its ends. A whole number gives that frame unchanged.
     """
     times = np.clip(times, 0.0, len(motion) - 1.0)
     low = np.floor(times).astype(int)
@@ -151,7 +148,7 @@ def sample(motion: Motion, times: Float[ndarray, "time"]) -> Motion:
 
 
 def resample(motion: Motion, rate: float) -> Motion:
-    """The same motion at another rate, first frame kept; the same rate gives the same motion."""
+    """The motion at another rate (Hz), its first frame kept. Its own rate gives the motion itself."""
     if rate == motion.rate:
         return motion
     count = int(np.floor(motion.duration * rate + 1e-6)) + 1
@@ -159,7 +156,7 @@ def resample(motion: Motion, rate: float) -> Motion:
 
 
 def velocities(positions: Float[ndarray, "frame *rest"], rate: float) -> Float[ndarray, "frame *rest"]:
-    """Backward differences a second; the first frame repeats the second's (zero for a single frame)."""
+    """Backward differences per second; the first frame repeats the second's (zero for a single frame)."""
     if len(positions) == 1:
         return np.zeros_like(positions)
     step = np.diff(positions, axis=0) * rate
@@ -167,7 +164,8 @@ def velocities(positions: Float[ndarray, "frame *rest"], rate: float) -> Float[n
 
 
 def mirror(motion: Motion) -> Motion:
-    """A motion of :data:`~interpose.skeleton.HUMANOID` seen in a mirror at x = 0, left and right exchanged."""
+    """A motion of :data:`~interpose.skeleton.HUMANOID` mirrored at x = 0, left and right exchanged. Raises ValueError
+    for another skeleton."""
     if motion.skeleton.names != HUMANOID.names:
         raise ValueError("only motions of the 22-joint humanoid can be mirrored; retarget first")
     flip = np.array([1.0, -1.0, -1.0, 1.0])

@@ -1,8 +1,4 @@
-"""Which parts of a target pose are given: joints of the 22, groups of them, or only a place on the ground.
-
-A joint that is given is given whole: where it is and how it is turned. The ground is the hips' place on it, and the
-direction that they face.
-"""
+"""Which parts of a target pose are given: joints, groups of joints, or only its place on the ground."""
 
 from __future__ import annotations
 
@@ -13,10 +9,10 @@ from jaxtyping import Bool
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.skeleton import HUMANOID
+from interpose.skeleton import HUMANOID, LEG_BONES
 
 GROUND = "ground"
-_LEGS = tuple(f"{side}{bone}" for side in ("Left", "Right") for bone in ("UpLeg", "Leg", "Foot", "Toe"))
+_LEGS = tuple(side + bone for side in ("Left", "Right") for bone in LEG_BONES)
 GROUPS: dict[str, tuple[str, ...]] = {
     "hips": ("Hips",),
     "hands": ("LeftHand", "RightHand"),
@@ -34,29 +30,29 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Parts:
-    """What is given of a target. joints: indices of the 22, ascending. ground: the hips' place on the ground and their
-    facing."""
+    """The given parts of a target pose. joints: indices of the 22, ascending, each given with its position and
+    rotation. ground: whether the hips' place on the ground and their facing are given."""
 
     joints: tuple[int, ...]
     ground: bool = False
 
     def __str__(self) -> str:
-        """The list of joints that :func:`parse` reads."""
+        """The text that :func:`parse` reads."""
         return ",".join([HUMANOID.names[joint] for joint in self.joints] + [GROUND] * self.ground)
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is left free."""
+        """Whether the whole pose is given."""
         return len(self.joints) == len(HUMANOID)
 
     @property
     def known(self) -> Bool[ndarray, "22"]:
-        """Which of the joints are given."""
+        """A mask of the given joints."""
         return np.isin(np.arange(len(HUMANOID)), self.joints)
 
 
 def parse(text: str) -> Parts:
-    """The parts that a list such as `hips,left-hand` names. Raises InputError for an empty list and unknown names."""
+    """The parts named in a list such as `hips,left-hand`. Raises InputError for an empty list or an unknown name."""
     joints: set[int] = set()
     names = [name.strip() for name in text.split(",")]
     by_name = {name.lower(): name for name in HUMANOID.names}

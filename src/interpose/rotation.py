@@ -1,9 +1,6 @@
-"""Rotations for NumPy: unit quaternions, scalar last (x, y, z, w), as arrays of shape (..., 4).
+"""Rotations for NumPy: unit quaternions, scalar last (x, y, z, w), as arrays of shape (..., 4). Angles are radians.
 
-A quaternion named ``q_ab`` turns vectors of frame b into frame a, and ``multiply(q_ab, q_bc)`` is ``q_ac``. All angles
-are radians. The conversions are SciPy's; this module gives them the array shapes and the names used here. The
-6-D form is that of Zhou et al. 2019 (`On the Continuity of Rotation Representations in Neural Networks`): the first two
-columns of the rotation matrix, one after the other.
+A quaternion named ``q_ab`` turns vectors of frame b into frame a, and ``multiply(q_ab, q_bc)`` is ``q_ac``.
 """
 
 from __future__ import annotations
@@ -14,13 +11,15 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+UP, FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+"""The world's axes: Y is up; a T-pose faces +Z, its left at +X."""
 
 
 def multiply(a: Float[ndarray, "*#batch 4"], b: Float[ndarray, "*#batch 4"]) -> Float[ndarray, "*batch 4"]:
     """The rotation that applies ``b`` first and then ``a``, normalised. Shapes broadcast."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)
     bx, by, bz, bw = np.moveaxis(b, -1, 0)
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))  # SciPy's takes several times as long for a few joints
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))  # SciPy's product is several times slower for few joints
     out[..., 0] = aw * bx + ax * bw + ay * bz - az * by
     out[..., 1] = aw * by - ax * bz + ay * bw + az * bx
     out[..., 2] = aw * bz + ax * by - ay * bx + az * bw
@@ -44,12 +43,13 @@ def to_matrix(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch 3 3"]:
 
 
 def from_matrix(m: Float[ndarray, "*batch 3 3"]) -> Float[ndarray, "*batch 4"]:
-    """Quaternions of rotation matrices; a matrix that is not quite orthogonal is brought to the nearest rotation."""
+    """Quaternions of rotation matrices; one that is not quite orthogonal gives the nearest rotation."""
     return Rotation.from_matrix(m).as_quat()
 
 
 def to_6d(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch 6"]:
-    """The first two columns of the matrix, concatenated: (column 0, column 1)."""
+    """The first two columns of the rotation matrix, concatenated (Zhou et al. 2019, `On the Continuity of Rotation
+    Representations in Neural Networks`)."""
     m = to_matrix(q)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 
@@ -75,12 +75,12 @@ def from_rotation_vector(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batc
 
 
 def angle(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch"]:
-    """How far ``q`` turns, in [0, pi]."""
+    """The angle of the rotation ``q``, in [0, pi]."""
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., :3], axis=-1), np.abs(q[..., 3])))
 
 
 def wrapped(turn: Float[ndarray, "*batch"] | float) -> Float[ndarray, "*batch"]:
-    """An angle in radians less its whole turns, in [-pi, pi): the shorter way round."""
+    """An angle without its whole turns, in [-pi, pi)."""
     return np.asarray(np.remainder(np.asarray(turn) + np.pi, 2.0 * np.pi) - np.pi)
 
 
@@ -105,19 +105,19 @@ def twist(q: Float[ndarray, "*batch 4"], axis: Float[ndarray, "3"]) -> Float[nda
 
 
 def between(a: Float[ndarray, "*#batch 3"], b: Float[ndarray, "*#batch 3"]) -> Float[ndarray, "*batch 4"]:
-    """The smallest rotation that brings the direction of ``a`` to that of ``b``; opposites turn about any normal."""
+    """The smallest rotation from the direction of ``a`` to that of ``b``; opposite ones turn about any normal."""
     a = a / np.linalg.norm(a, axis=-1, keepdims=True)
     b = b / np.linalg.norm(b, axis=-1, keepdims=True)
     a, b = np.broadcast_arrays(a, b)
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
-    helper = np.where(np.abs(a[..., :1]) > 0.9, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
+    helper = np.where(np.abs(a[..., :1]) > 0.9, UP, np.array([1.0, 0.0, 0.0]))
     normal = np.cross(a, helper)
     q = np.where(w > 1e-14, np.concatenate([np.cross(a, b), w], -1), np.concatenate([normal, np.zeros_like(w)], -1))
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def continuous(q: Float[ndarray, "frame *batch 4"]) -> Float[ndarray, "frame *batch 4"]:
-    """The same rotations with signs chosen so that neighbouring frames lie in the same half of the sphere."""
+    """The same rotations, their signs chosen so that consecutive frames lie in the same hemisphere."""
     flips = np.sum(q[1:] * q[:-1], axis=-1) < 0
     sign = np.concatenate([np.ones((1, *flips.shape[1:])), 1.0 - 2.0 * (np.cumsum(flips, axis=0) % 2)])
     return q * sign[..., None]

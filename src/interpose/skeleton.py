@@ -1,7 +1,7 @@
-"""Skeletons, forward kinematics and its inverse.
+"""Skeletons, forward kinematics and its inverse, as functions of arrays.
 
-A skeleton is names, parents and offsets; poses are arrays beside it. ``q_parent_joint`` (local rotation) and
-``q_world_joint`` (global rotation) are unit quaternions (x, y, z, w); positions are metres, Y up, right-handed.
+``q_parent_joint`` (local rotation) and ``q_world_joint`` (global rotation) are unit quaternions (x, y, z, w); positions
+are metres, Y up, right-handed.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from interpose import rotation
 class Skeleton:
     """A tree of joints, parents before children; joint 0 is the root.
 
-    names: one a joint, unique. parents: index of each joint's parent, -1 for the root.
-    offsets: (joint, 3), each joint's place in its parent's frame in the rest pose, metres.
+    names: unique. parents: index of each joint's parent, -1 for the root. offsets: each joint's position in its
+    parent's frame in the rest pose, metres. Raises ValueError where these do not fit together.
     """
 
     names: tuple[str, ...]
@@ -51,7 +51,7 @@ class Skeleton:
         return hash((self.names, self.parents))
 
     def index(self, name: str) -> int:
-        """The joint of that name; raises ValueError where there is none."""
+        """The index of the joint with that name. Raises ValueError where there is none."""
         if name not in self.names:
             raise ValueError(f"no joint is called {name!r}; the joints are {', '.join(self.names)}")
         return self.names.index(name)
@@ -70,7 +70,7 @@ def _levels(parents: tuple[int, ...]) -> tuple[tuple[list[int], list[int]], ...]
 def global_rotations(
     local: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
 ) -> Float[ndarray, "*batch joint 4"]:
-    """``q_world_joint`` from ``q_parent_joint``, one product a level of the tree."""
+    """``q_world_joint`` from ``q_parent_joint``."""
     world = np.array(local, dtype=float)
     for joints, above in _levels(parents):
         world[..., joints, :] = rotation.multiply(world[..., above, :], local[..., joints, :])
@@ -92,9 +92,10 @@ def global_positions(
     parents: tuple[int, ...],
     translations: Float[ndarray, "*#batch joint 3"],
 ) -> Float[ndarray, "*batch joint 3"]:
-    """Joint positions from the root's position, global rotations and each joint's place in its parent's frame.
+    """Joint positions, metres, from the root's position, the global rotations and the joints' ``translations``.
 
-    ``translations`` are the skeleton's offsets, or one set a frame where a file animates them; entry 0 is not used.
+    ``translations``: positions in the parent's frame, which are the skeleton's offsets, or one set a frame where a file
+    animates them. Entry 0 is not used.
     """
     index = np.array(parents[1:], dtype=int)
     bones = rotation.rotate(world[..., index, :], translations[..., 1:, :])
@@ -107,7 +108,7 @@ def global_positions(
 def local_translations(
     positions: Float[ndarray, "*batch joint 3"], world: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
 ) -> Float[ndarray, "*batch joint 3"]:
-    """Each joint's place in its parent's frame; the root's is its position. Undoes :func:`global_positions`."""
+    """Each joint's position in its parent's frame; the root's own position. Undoes :func:`global_positions`."""
     index = np.array(parents[1:], dtype=int)
     bones = positions[..., 1:, :] - positions[..., index, :]
     rest = rotation.rotate(rotation.inverse(world[..., index, :]), bones)
@@ -115,8 +116,8 @@ def local_translations(
 
 
 def _humanoid() -> Skeleton:
-    # Bone lengths are LaFAN1's (docs/method.md, C10), in a T-pose that looks along +Z, its left hand at +X,
-    # every joint's frame equal to the world's, so that a global rotation is what the bone has turned since the T-pose.
+    # LaFAN1's bone lengths, in a T-pose that faces +Z with its left hand at +X. Every joint's frame equals the
+    # world's, so a joint's global rotation is what its bone has turned since the T-pose.
     side = [
         ("UpLeg", "Hips", (0.1055, 0.0010, 0.0186)),
         ("Leg", "UpLeg", (0.0, -0.4350, 0.0)),
@@ -154,11 +155,21 @@ def _humanoid() -> Skeleton:
 
 
 HUMANOID = _humanoid()
+"""The 22 joints inside every model in LaFAN1's order: a T-pose facing +Z, left at +X, frames equal to the world's."""
+
 MODEL_RATE = 30.0
 """Frames a second inside models and databases."""
-"""The 22 joints inside every model, LaFAN1's order, in a T-pose facing +Z, left at +X, frames equal to the world's."""
 
 MIRROR = tuple(
     HUMANOID.index(n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")) for n in HUMANOID.names
 )
-"""For each joint of :data:`HUMANOID`, its counterpart on the other side (itself where it lies in the middle)."""
+"""For each joint of :data:`HUMANOID` its counterpart on the other side; itself where it lies in the middle."""
+
+LEG_BONES = ("UpLeg", "Leg", "Foot", "Toe")
+ARM_BONES = ("Shoulder", "Arm", "ForeArm", "Hand")
+
+LEG_CHAINS = np.array([[HUMANOID.index(side + bone) for bone in LEG_BONES] for side in ("Left", "Right")])
+"""Joints of the humanoid's left and right leg, in the order of :data:`LEG_BONES`."""
+
+LEG_LENGTH = float(np.linalg.norm(HUMANOID.offsets[LEG_CHAINS[0, 1:3]], axis=1).sum())
+"""Metres from the humanoid's hip to its ankle along the bones."""

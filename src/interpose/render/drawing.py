@@ -18,12 +18,11 @@ from PIL import Image, ImageChops, ImageDraw, ImageFilter
 from scipy.ndimage import gaussian_filter, minimum_filter
 
 from interpose.mannequin import RIGHT, Mannequin
+from interpose.rotation import UP
 
 SUPERSAMPLING = 3
 LIGHT = np.array([-0.42, 0.80, 0.43])
 """Towards the light, in camera axes (right, up, towards the viewer)."""
-
-_UP = np.array([0.0, 1.0, 0.0])
 
 Colour = tuple[int, int, int]
 PAPER: Colour = (247, 245, 240)
@@ -69,7 +68,7 @@ class Camera:
         """Towards the light, in the world."""
         across = np.array([self.toward[0], 0.0, self.toward[2]])
         across = across / np.linalg.norm(across)
-        direction = LIGHT[0] * self.right + LIGHT[1] * _UP + LIGHT[2] * across
+        direction = LIGHT[0] * self.right + LIGHT[1] * UP + LIGHT[2] * across
         return direction / np.linalg.norm(direction)
 
 
@@ -82,8 +81,8 @@ def look(
 ) -> Camera:
     """The camera that sees ``heading`` (a horizontal direction) as screen right, from ``elevation`` radians above."""
     right = heading / np.linalg.norm(heading)
-    level = np.cross(right, _UP)
-    toward = np.cos(elevation) * level + np.sin(elevation) * _UP
+    level = np.cross(right, UP)
+    toward = np.cos(elevation) * level + np.sin(elevation) * UP
     return Camera(right, np.cross(toward, right), toward, centre, origin, scale)
 
 
@@ -118,7 +117,7 @@ def draw_floor(image: Image.Image, camera: Camera, height: float, spacing: float
     reach = 1.5 * max(width, tall) / camera.scale
     lines = Image.new("L", (width * SUPERSAMPLING, tall * SUPERSAMPLING), 0)
     draw = ImageDraw.Draw(lines)
-    middle = np.round(camera.centre / spacing) * spacing * [1.0, 0.0, 1.0] + height * _UP
+    middle = np.round(camera.centre / spacing) * spacing * [1.0, 0.0, 1.0] + height * UP
     for step in np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing:
         for a, b in (((step, -reach), (step, reach)), ((-reach, step), (reach, step))):
             ends = np.array([[a[0], 0.0, a[1]], [b[0], 0.0, b[1]]]) + middle
@@ -134,7 +133,7 @@ def draw_shadows(image: Image.Image, camera: Camera, actors: Sequence[Actor], he
     for actor in actors:
         vertices, _ = actor.coarse.posed(actor.positions, actor.rotations)
         above = np.maximum(vertices[:, 1] - height, 0.0)
-        for mask, direction, reach, shade in ((soft, light / light[1], np.inf, 150), (close, _UP, 0.09, 200)):
+        for mask, direction, reach, shade in ((soft, light / light[1], np.inf, 150), (close, UP, 0.09, 200)):
             fallen = camera.project(vertices - above[:, None] * direction).astype(np.float32)
             triangles = actor.coarse.triangles[(above[actor.coarse.triangles] < reach).all(axis=1)]
             triangles = triangles[_signed_area(fallen[triangles]) < 0.0]

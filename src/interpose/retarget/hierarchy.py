@@ -17,8 +17,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.motion import Motion
-from interpose.retarget.profiles import ARMS, LEGS
-from interpose.skeleton import Skeleton, global_positions, global_rotations
+from interpose.rotation import FORWARD
+from interpose.skeleton import ARM_BONES, LEG_BONES, Skeleton, global_positions, global_rotations
 
 _LIKE = 0.05  # bones that differ by less than this share are of the same length
 _FRAMES = 64  # of the motion, looked at to tell left from right
@@ -64,7 +64,10 @@ def guess(skeleton: Skeleton, motion: Motion | None = None) -> dict[str, int] | 
         found["Head"] = last = line[-1] if chest is None else line[min(1, len(line) - 1)]
     thighs = [tree.limb(leg) for leg in legs]
     left = _left(skeleton, motion, hips, last, thighs)
-    for pair, names, stem in ((thighs, LEGS, None), ([tree.limb(arm) for arm in arms or ()], ARMS[1:], ARMS[0])):
+    for pair, names, stem in (
+        (thighs, LEG_BONES, None),
+        ([tree.limb(arm) for arm in arms or ()], ARM_BONES[1:], ARM_BONES[0]),
+    ):
         if not pair:
             continue
         swapped = left(pair[1].joints[0]) > left(pair[0].joints[0])
@@ -142,6 +145,6 @@ def _left(
         poses = motion[:: max(1, len(motion) // _FRAMES)].global_positions()
     forward = sum(poses[:, leg.joints[3]] - poses[:, leg.joints[2]] for leg in legs if len(leg.joints) > 3)
     if not isinstance(forward, ndarray):
-        forward = np.broadcast_to(np.array([0.0, 0.0, 1.0]), poses[:, hips].shape)
+        forward = np.broadcast_to(FORWARD, poses[:, hips].shape)
     left = np.cross(up(poses), forward)
     return lambda joint: float(np.sum((poses[:, joint] - poses[:, hips]) * left))

@@ -23,9 +23,9 @@ from interpose import skeleton as kinematics
 from interpose.motion import Motion
 from interpose.retarget.mapping import Mapping
 from interpose.retarget.naming import split_side
+from interpose.rotation import UP
 from interpose.skeleton import MIRROR, Skeleton
 
-_UP = np.array([0.0, 1.0, 0.0])
 _SWAP = {"Left": "Right", "Right": "Left"}
 _ALONE = re.compile(r"[^A-Za-z0-9]([lrLR])(?=[^A-Za-z0-9])")
 _SIDES = np.array([-1.0, 1.0, 1.0])
@@ -109,7 +109,7 @@ def _split(name: str) -> tuple[str, str]:
 
 def _facing(turned: Float[ndarray, "frame 4"]) -> Float[ndarray, "frame 4"]:
     """The turn about the vertical that hips have made since the T-pose."""
-    return rotation.twist(turned, _UP)
+    return rotation.twist(turned, UP)
 
 
 def _rests(mapping: Mapping) -> Float[ndarray, "joint 4"]:

@@ -43,9 +43,7 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
     motion = motion[:: max(1, len(motion) // _FRAMES)]
     world, points = motion.global_rotations(), motion.global_positions()
     at = {name: points[:, joint] for name, joint in joints.items()}
-    top = next(
-        (at[n] for n in ("Head", "Neck", "Spine2", "LeftArm") if n in at), at["Hips"] + np.array([0.0, 1.0, 0.0])
-    )
+    top = next((at[n] for n in ("Head", "Neck", "Spine2", "LeftArm") if n in at), at["Hips"] + rotation.UP)
     up = _unit(top - at["Hips"])
     left = _unit(at["LeftUpLeg"] - at["RightUpLeg"])
     forward = _unit(np.cross(left, up))

@@ -10,8 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-LEGS = ("UpLeg", "Leg", "Foot", "Toe")
-ARMS = ("Shoulder", "Arm", "ForeArm", "Hand")
+from interpose.skeleton import ARM_BONES, LEG_BONES
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Profile:
         """The humanoid's joint names with this family's names for them, spine and neck left out."""
         named = {"Hips": self.hips, "Head": self.head}
         for side, spelled in zip(("Left", "Right"), self.sides, strict=True):
-            for ours, theirs in zip((*LEGS, *ARMS), (*self.legs.split(), *self.arms.split()), strict=True):
+            for ours, theirs in zip((*LEG_BONES, *ARM_BONES), (*self.legs.split(), *self.arms.split()), strict=True):
                 named[side + ours] = theirs.replace("*", spelled)
         return named
 

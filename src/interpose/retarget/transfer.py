@@ -17,11 +17,11 @@ from interpose import skeleton as kinematics
 from interpose.errors import InputError
 from interpose.motion import Motion, concatenate, from_global
 from interpose.retarget.mapping import Mapping
+from interpose.rotation import UP
 from interpose.skeleton import HUMANOID
 
 _HIPS = HUMANOID.index("Hips")
 _CENTRE = (HUMANOID.offsets[HUMANOID.index("LeftUpLeg")] + HUMANOID.offsets[HUMANOID.index("RightUpLeg")]) / 2
-_UP = np.array([0.0, 1.0, 0.0])
 _TORSO = tuple(HUMANOID.index(name) for name in ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"))
 _HANG = np.radians(75.0)  # from the T-pose down to the side, for arms that the source does not have
 
@@ -36,7 +36,7 @@ def to_humanoid(motion: Motion, mapping: Mapping) -> Motion:
     turned = _fill(_turned({j: world[:, j] for j in mapping.joints if j is not None}, mapping))
     hips = mapping.hips
     centre = motion.global_positions()[:, hips] + rotation.rotate(world[:, hips], mapping.hip_centre)
-    root = centre * mapping.scale - rotation.rotate(turned[:, _HIPS], _CENTRE) + mapping.lift * _UP
+    root = centre * mapping.scale - rotation.rotate(turned[:, _HIPS], _CENTRE) + mapping.lift * UP
     return from_global(HUMANOID, root, turned, motion.rate)
 
 
@@ -49,7 +49,7 @@ def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) 
     if motion.skeleton.names != HUMANOID.names:
         raise InputError("only a motion of the 22-joint humanoid can be carried to another skeleton")
     turned = motion.global_rotations()
-    centre = (motion.root_positions - mapping.lift * _UP + rotation.rotate(turned[:, _HIPS], _CENTRE)) / mapping.scale
+    centre = (motion.root_positions - mapping.lift * UP + rotation.rotate(turned[:, _HIPS], _CENTRE)) / mapping.scale
     pairs = [(ours, joint) for ours, joint in enumerate(mapping.joints) if joint is not None]
     known = [ours for ours, _ in pairs]
     carried = rotation.multiply(turned[:, known], mapping.rest_global[known])

@@ -131,7 +131,7 @@ def test_each_foot_is_divided_by_itself_and_in_blocks_as_at_once(monkeypatch: py
     probability = draw.uniform(size=(5, FRAMES))
     together = divide(toes, probability)
     assert together == [divide(toes[k : k + 1], probability[k : k + 1])[0] for k in range(5)]
-    monkeypatch.setattr("interpose.runtime.feet.stances._ROWS", 7)
+    monkeypatch.setattr("interpose.runtime.feet.stances._ENDS_AT_ONCE", 7)
     assert divide(toes, probability) == together
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from interpose import skeleton as kinematics
 from interpose.rotation import IDENTITY
-from interpose.runtime.feet.stream_lock import REACH, FootLock
+from interpose.runtime.feet.stream_lock import LONGEST_HOLD, FootLock
 from interpose.skeleton import HUMANOID
 
 LEFT, RIGHT = HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")
@@ -40,7 +40,7 @@ def test_it_is_let_go_without_a_jump():
 
 def test_too_much_is_not_asked():
     loose, held = walked(lambda _: (1, 1, 0, 0), frames=60)
-    assert np.linalg.norm(held - loose, axis=-1).max() < REACH + 0.02
+    assert np.linalg.norm(held - loose, axis=-1).max() < LONGEST_HOLD + 0.02
     np.testing.assert_allclose(held[-1], loose[-1], atol=1e-9)
 
 

@@ -7,7 +7,7 @@ import pytest
 from numpy import ndarray
 
 from interpose.runtime.feet.stances import FOOT_DEFAULTS
-from interpose.runtime.feet.swing import led, lifted, smooth_field
+from interpose.runtime.feet.swing import heel_lift, lifted, smooth_field
 
 FRAMES = 40
 
@@ -83,7 +83,7 @@ def test_beside_a_key_that_swings_a_toe_rises_slowly(depth: float) -> None:
 def test_the_heel_goes_before_the_toe_and_keeps_to_the_keys() -> None:
     toe, held = dragging(0.5)
     lift = lifted(toe, held, FOOT_DEFAULTS) - toe[..., 1]
-    rise = led(lift)
+    rise = heel_lift(lift)
     moves = np.flatnonzero(lift[0] > 1e-6)
     rises = np.flatnonzero(rise[0] > 1e-6)
     assert rises[0] < moves[0]
@@ -93,6 +93,6 @@ def test_the_heel_goes_before_the_toe_and_keeps_to_the_keys() -> None:
         rise[0, moves[-3:]].sum() / lift[0, moves[-3:]].sum(),
     )
     assert early > 1.0 > late
-    at_once = led(np.full((1, FRAMES), 0.03))
+    at_once = heel_lift(np.full((1, FRAMES), 0.03))
     np.testing.assert_array_equal(at_once[:, [0, -1]], 0.0)
     assert np.abs(np.diff(at_once[0], n=2)).max() < 0.02

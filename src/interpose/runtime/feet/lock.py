@@ -1,13 +1,6 @@
-"""Feet that stand where they stand and step over the floor: the clean-up of a transition on the 22-joint humanoid.
+"""Foot locking of a whole transition: feet that stand stay in place, feet that swing clear the floor.
 
-The course is that of Kovar et al. 2002 (`Footskate Cleanup for Motion Capture Editing`): decide when each foot is
-planted (`interpose.runtime.feet.stances`), choose where (`footholds`), spread the corrections smoothly over the frames
-between (`swings`), and let analytic inverse kinematics (`limb`) move the legs. Nothing but the legs moves, and nothing
-at both keys.
-
-A foot is led by its toe; while the toe stands, the ankle turns about it, and where the leg is too short the heel comes
-up. A toe that swings clears the floor; its heel leaves the ground before it and comes down before it. The floor is
-y = 0; a foot that stands elsewhere keeps its height.
+Only the legs move, and nothing at either key. The floor is y = 0; a foot that stands elsewhere keeps its height.
 """
 
 from __future__ import annotations
@@ -23,28 +16,25 @@ from interpose import skeleton as kinematics
 from interpose.motion import Motion
 from interpose.runtime.feet.footholds import eased, floor, footing
 from interpose.runtime.feet.stances import FOOT_DEFAULTS, FootSettings, divide_pairs
-from interpose.runtime.feet.swing import led, lifted, smooth_field
+from interpose.runtime.feet.swing import heel_lift, lifted, smooth_field
 from interpose.runtime.ik.two_bone import soft_reach, two_bone_ik
-from interpose.skeleton import HUMANOID
+from interpose.skeleton import HUMANOID, LEG_CHAINS, LEG_LENGTH
 
-_CHAINS = np.array([[HUMANOID.index(s + n) for n in ("UpLeg", "Leg", "Foot", "Toe")] for s in ("Left", "Right")])
-_ABOVE = np.array(HUMANOID.parents)[_CHAINS[:, 0]]
-_FORWARD = np.array([0.0, 0.0, 1.0])
-_LEG_LENGTH = float(np.linalg.norm(HUMANOID.offsets[_CHAINS[0, 1:3]], axis=1).sum())
-_FOOT_LENGTH = float(np.linalg.norm(HUMANOID.offsets[_CHAINS[0, 3]]))
-_SLACK = 0.02
-"""Metres that leg and foot together keep in hand when they hold a place."""
+_ABOVE = np.array(HUMANOID.parents)[LEG_CHAINS[:, 0]]
+_FOOT_LENGTH = float(np.linalg.norm(HUMANOID.offsets[LEG_CHAINS[0, 3]]))
+_REACH_SLACK = 0.02
+"""Metres by which leg and foot together stay short of full extension when they hold a place."""
 
 
 def plant(motion: Motion, contacts: Float[ndarray, "frame 4"], settings: FootSettings = FOOT_DEFAULTS) -> Motion:
-    """``motion`` with its feet kept on the ground while they are in contact; the first and the last frame are kept.
+    """``motion`` with its feet locked to the ground while they are in contact; the first and last frame stay.
 
-    ``motion``: of :data:`~interpose.skeleton.HUMANOID` at 30 Hz, the two keys included. ``contacts``: probabilities for
-    LeftFoot, LeftToe, RightFoot, RightToe, for the two keys those of their neighbours, or 0 where it is known that a
-    foot does not stand there.
+    ``motion``: of :data:`~interpose.skeleton.HUMANOID` at 30 Hz, both keys included. ``contacts``: probabilities for
+    LeftFoot, LeftToe, RightFoot, RightToe; at the two keys those of the neighbouring frames, or 0 where a foot is known
+    not to stand there. Raises ValueError for another skeleton.
     """
     if motion.skeleton != HUMANOID:
-        raise ValueError("feet are planted on the 22-joint humanoid; retarget first")
+        raise ValueError("feet can only be locked on the 22-joint humanoid; retarget first")
     local = plant_batch(motion.root_positions[None], motion.local_rotations[None], contacts[None], settings)
     return replace(motion, local_rotations=local[0])
 
@@ -61,8 +51,8 @@ def plant_batch(
         return local
     world = kinematics.global_rotations(local, HUMANOID.parents)
     positions = kinematics.global_positions(root, world, HUMANOID.parents, HUMANOID.offsets)
-    # Legs are (batch, side) in one axis, then frames.
-    legs = _by_leg(positions[:, :, _CHAINS])
+    # The leg axis is (batch, side) flattened, so that all legs are solved at once.
+    legs = _by_leg(positions[:, :, LEG_CHAINS])
     down = _by_leg(contacts.reshape(count, frames, 2, 2))
     toes, ankles = _tracks(legs, down, settings)
     moved = np.any(np.abs(toes - legs[:, :, 3]) + np.abs(ankles - legs[:, :, 2]) > 1e-9, axis=-1)
@@ -70,14 +60,14 @@ def plant_batch(
         return local
     turned = _turn_legs(
         legs[moved],
-        _by_leg(world[:, :, _CHAINS])[moved],
+        _by_leg(world[:, :, LEG_CHAINS])[moved],
         _by_leg(world[:, :, _ABOVE])[moved],
         toes[moved],
         ankles[moved],
     )
     out = local.copy()
     leg, frame = np.nonzero(moved)
-    out[leg[:, None] // 2, frame[:, None], _CHAINS[leg % 2]] = turned
+    out[leg[:, None] // 2, frame[:, None], LEG_CHAINS[leg % 2]] = turned
     return out
 
 
@@ -94,12 +84,13 @@ def _turn_legs(
 ) -> Float[ndarray, "frame 4 4"]:
     """Local rotations of thigh, shin, foot and toe that bring the toe to ``toe`` and the ankle near ``ankle``.
 
-    ``world``: their global rotations before. ``above``: that of the joint above the thigh.
+    ``leg``: their positions before, metres. ``world``: their global rotations before. ``above``: the global rotation of
+    the joint above the thigh.
     """
     hip, knee, old_ankle, old_toe = (leg[:, i] for i in range(4))
     present = np.linalg.norm(old_ankle - hip, axis=-1)
     ankle = reachable_ankle(hip, toe, ankle, present)
-    forward = rotation.rotate(world[:, 0], np.broadcast_to(_FORWARD, hip.shape))
+    forward = rotation.rotate(world[:, 0], np.broadcast_to(rotation.FORWARD, hip.shape))
     thigh, shin = two_bone_ik(hip, knee, old_ankle, ankle, forward)
     foot = rotation.between(old_toe - old_ankle, toe - ankle)
     still = np.broadcast_to(rotation.IDENTITY, foot.shape)
@@ -116,11 +107,11 @@ def reachable_ankle(
 ) -> Float[ndarray, "frame 3"]:
     """The ankle nearest to ``ankle`` that is a foot's length from the toe and within reach of the hip.
 
-    Where no ankle is both, the one on the line from hip to toe, as far out as the leg reaches.
+    Where no ankle is both, the one between hip and toe, as far from the hip as the leg reaches.
     """
     ankle = toe + _unit(ankle - toe) * _FOOT_LENGTH
     wanted = np.linalg.norm(ankle - hip, axis=-1)
-    reach = soft_reach(wanted, present, _LEG_LENGTH)
+    reach = soft_reach(wanted, present, LEG_LENGTH)
     # The circle in which the sphere of the leg's reach about the hip meets that of the foot about the toe.
     apart = np.maximum(np.linalg.norm(toe - hip, axis=-1), 1e-9)
     axis = (hip - toe) / apart[:, None]
@@ -135,23 +126,29 @@ def reachable_ankle(
 def _tracks(
     legs: Float[ndarray, "leg frame 4 3"], down: Float[ndarray, "leg frame 2"], settings: FootSettings
 ) -> tuple[Float[ndarray, "leg frame 3"], Float[ndarray, "leg frame 3"]]:
-    """Where the toes and ankles should go: planted, above the floor, and smoothly from place to place."""
+    """The new positions of toes and ankles: in place while they stand, above the floor, and smooth in between.
+
+    A foot is led by its toe. While the toe stands, the ankle turns about it, and where the leg is too short the heel
+    rises.
+    """
     ankles, toes = legs[:, :, 2], legs[:, :, 3]
     spans = divide_pairs(toes, down[:, :, 1], settings)
-    reach = _LEG_LENGTH + _FOOT_LENGTH - _SLACK
+    reach = LEG_LENGTH + _FOOT_LENGTH - _REACH_SLACK
     stands = [footing(leg, d[:, 0], s, reach, settings) for leg, d, s in zip(legs, down, spans, strict=True)]
     wanted = np.stack([f.toe for f in stands]) - toes
-    held = np.stack([eased(way, f.held, settings) for way, f in zip(wanted, stands, strict=True)])
+    held = np.stack([eased(c, f.held, settings) for c, f in zip(wanted, stands, strict=True)])
+    # The toe first: onto its places, then clear of the floor; the ankle takes part in both, ahead of a lifted toe.
     new_toes = toes + smooth_field(wanted, held, settings.decay)
     move = new_toes - toes
     new_toes[..., 1] = lifted(new_toes, held, settings)
     lift = new_toes[..., 1] - toes[..., 1] - move[..., 1]
-    move[..., 1] += led(lift)
+    move[..., 1] += heel_lift(lift)
+    # What then still separates the heel from its place, where the whole foot stands.
     rest = np.stack([f.heel for f in stands]) - ankles - move
     flat = held & np.stack([f.flat for f in stands]) & (np.linalg.norm(rest, axis=-1) <= settings.stretch)
-    flat = np.stack([eased(way, f, settings) for way, f in zip(rest, flat, strict=True)])
+    flat = np.stack([eased(c, f, settings) for c, f in zip(rest, flat, strict=True)])
     turn = smooth_field(rest, flat, settings.decay)
-    # A folded leg, as of one who sits on the heels or rolls, turns too far for a small way of its ankle.
+    # A folded leg, as in kneeling or rolling, would turn too far for a small correction of its ankle.
     limit = settings.folded * np.linalg.norm(ankles - legs[:, :, 0], axis=-1, keepdims=True)
     share = limit / np.maximum(np.linalg.norm(move + turn, axis=-1, keepdims=True), limit + 1e-9)
     new_toes, new_ankles = toes + share * (new_toes - toes), ankles + share * (move + turn)

@@ -1,11 +1,6 @@
-"""When a foot stands and when it swings: each foot's way through a gap, divided at the least cost.
+"""When each foot stands and when it swings: the cheapest segmentation of a gap into stances and swings.
 
-A network that averages lets feet glide where they should stand and step, so a threshold on its contacts finds neither.
-Here every division of the frames into stances and swings has a cost, and dynamic programming over the places where one
-gives way to the other (a semi-Markov chain, as in speech) finds the cheapest for all feet at once. A stance costs by
-how unlikely the contact is, how high the toe is, and how far it strays from one place: from the key's place where the
-stance holds a key, else from its own mean. A swing costs by how far the toe has to be lifted to clear the floor, by how
-little it moves, and once for being there, so that neither flickers. All costs are negative logarithms of likelihoods.
+A network that averages lets feet glide, so a threshold on its predicted contacts finds neither stances nor swings.
 """
 
 from __future__ import annotations
@@ -20,70 +15,50 @@ from scipy.ndimage import binary_opening
 
 @dataclass(frozen=True)
 class FootSettings:
-    """Frames are of 30 Hz, lengths metres, costs natural units.
+    """Thresholds and costs of foot locking: frames at 30 Hz, metres, costs as negative log likelihoods."""
 
-    When a foot stands (`interpose.runtime.feet.stances`). trust: the weight of a contact's log odds. loose, loose_key:
-    how far a toe may be from its place, or from a key's, for a cost of one. shortest, shortest_swing: frames of a
-    stance and of a swing at least, between the keys. pace_swing: metres a frame that a swing may cover beyond those.
-    step: how far apart both keys' places of one foot must be for it to have stepped between them. high, high_scale,
-    high_most: the height from which a toe is unlikely to stand, the height above it that costs one (above the
-    roll-out's own where it is a key's toe that is high), and the most that height costs. lift_scale: the lift of a
-    swinging toe that costs one half. slow, slow_cost: metres a frame below which a low toe, one under ``high``, hardly
-    swings, and what it costs if it does not move at all. change: what a swing costs. long, long_cost: frames that a toe
-    may swing low, and the cost of each beyond. glide, glide_cost: frames from which on two feet that swing low at once
-    are taken to glide, and the cost of each. key_cost: what it costs to swing at a key whose toe is lower than key_low.
-
-    Where (`interpose.runtime.feet.footholds`). stretch: the longest correction; frames that need more are let go. pace:
-    metres a frame by which a correction may change between two places; frames are let go to leave the time.
-    heel_first: frames by which the heel leaves the ground before the toe. toe_heights, ankle_heights: from the lowest
-    that a joint may be to the highest that one on the floor stands; a lower key lowers the floor around it. above:
-    metres over those heights up to which a standing joint is brought to the floor; one higher stands on something.
-
-    How between (`interpose.runtime.feet.swing`, `interpose.runtime.feet.lock`). decay: frames over which a correction
-    fades. clear: the least height of a toe that swings. arch, arch_most: how much higher one goes that the roll-out
-    drags, for each metre of its step and at most. folded: the longest correction as a share of the way from hip to
-    ankle.
-    """
-
-    trust: float = 1.0
-    loose: float = 0.06
-    loose_key: float = 0.12
-    shortest: int = 3
-    shortest_swing: int = 4
-    pace_swing: float = 0.15
-    step: float = 0.03
-    high: float = 0.05
-    high_scale: float = 0.03
-    high_most: float = 1.5
-    lift_scale: float = 0.03
-    slow: float = 0.005
-    slow_cost: float = 3.3
-    change: float = 2.0
-    long: int = 20
-    long_cost: float = 0.2
-    glide: int = 6
-    glide_cost: float = 1.0
-    key_cost: float = 2.0
+    # When a foot stands (`stances`).
+    trust: float = 1.0  # weight of a predicted contact's log odds
+    loose: float = 0.06  # distance of a standing toe from its place that costs one
+    loose_key: float = 0.12  # the same where a key fixes the place
+    shortest: int = 3  # fewest frames of a stance between the keys
+    shortest_swing: int = 4  # fewest frames of a swing
+    pace_swing: float = 0.15  # metres a frame that a swing may cover beyond those frames
+    step: float = 0.03  # distance between a foot's places at the two keys from which it must have stepped
+    high: float = 0.05  # height from which a toe is unlikely to stand
+    high_scale: float = 0.03  # metres above that height, or above a key's raised toe, that cost one
+    high_most: float = 1.5  # most that height costs
+    lift_scale: float = 0.03  # lift of a swinging toe that costs one half
+    slow: float = 0.005  # metres a frame below which a low toe hardly swings
+    slow_cost: float = 3.3  # for a low toe that swings without moving
+    change: float = 2.0  # for each swing
+    long: int = 20  # frames that a toe may swing low at no cost
+    long_cost: float = 0.2  # for each frame beyond
+    glide: int = 6  # frames that both feet must swing low together to count as gliding
+    glide_cost: float = 1.0  # for each gliding frame
+    key_cost: float = 2.0  # for swinging at a key whose toe is lower than key_low
     key_low: float = 0.03
-    stretch: float = 0.25
-    pace: float = 0.03
-    heel_first: int = 3
-    toe_heights: tuple[float, float] = (0.0, 0.02)
-    ankle_heights: tuple[float, float] = (0.06, 0.09)
-    above: float = 0.1
-    decay: float = 8.0
-    clear: float = 0.03
-    arch: float = 0.04
-    arch_most: float = 0.03
-    folded: float = 0.4
+    # Where it stands (`footholds`).
+    stretch: float = 0.25  # longest correction; frames that need more are released
+    pace: float = 0.03  # metres a frame by which a correction may change from one place to the next
+    heel_first: int = 3  # frames by which the heel leaves the ground before the toe
+    toe_heights: tuple[float, float] = (0.0, 0.02)  # lowest allowed, and highest of a toe on the floor
+    ankle_heights: tuple[float, float] = (0.06, 0.09)  # the same for the ankle
+    above: float = 0.1  # metres over those heights below which a standing joint is put on the floor
+    # How it moves in between (`swing`, `lock`).
+    decay: float = 8.0  # frames over which a correction fades
+    clear: float = 0.03  # least height of a swinging toe
+    arch: float = 0.04  # additional height of a dragged toe for each metre of its step
+    arch_most: float = 0.03  # and the most of it
+    folded: float = 0.4  # longest correction, as a share of the distance from hip to ankle
 
 
 FOOT_DEFAULTS = FootSettings()
 
-_SURE = 0.03
-"""Contact probabilities are kept this far from 0 and 1; a key with less is known not to stand."""
-_ROWS = 64
-"""Ends of stances and swings whose costs are found at once; bounds the memory of long gaps."""
+_CONTACT_MARGIN = 0.03
+"""Contact probabilities are clipped this far from 0 and 1; a foot with less at a key is known not to stand there."""
+_ENDS_AT_ONCE = 64
+"""Segment ends whose costs are computed together; limits the memory for long gaps."""
 
 
 def divide(
@@ -92,20 +67,27 @@ def divide(
     settings: FootSettings = FOOT_DEFAULTS,
     swing_cost: Float[ndarray, "leg frame"] | None = None,
 ) -> list[list[slice]]:
-    """The frames in which each foot stands, in order; in all others it swings.
+    """The ranges of frames in which each foot stands, in order; in all others it swings.
 
-    ``toes``: global positions, the two keys included. ``probability``: of the toes' contact. ``swing_cost``: what it
-    costs beside to swing in each frame.
+    A semi-Markov chain solved by dynamic programming (as in speech segmentation), for all legs at once. A stance costs
+    by how unlikely the contact is, how high the toe is, and how far it strays from one place: the key's where the
+    stance holds a key, else its own mean. A swing costs by how far the toe must be lifted, by how little it moves, and
+    once for being there, so that neither flickers.
+
+    ``toes``: global positions, metres, both keys included. ``probability``: of the toes' contact, 0 to 1.
+    ``swing_cost``: an additional cost of swinging in each frame.
     """
     legs, frames = probability.shape
     stand, high, swing = _evidence(toes, probability, settings)
     swing = swing if swing_cost is None else swing + swing_cost
     low_keys = _low_keys(toes, probability, settings)
+    # stood[leg, end]: the least cost of the frames before `end` where the segment that ends there is a stance; swung
+    # likewise for a swing. stood_from, swung_from: where that segment begins.
     stood, swung = np.full((legs, frames + 1), np.inf), np.full((legs, frames + 1), np.inf)
     stood[:, 0] = swung[:, 0] = 0.0
     stood_from, swung_from = np.zeros((legs, frames + 1), dtype=int), np.zeros((legs, frames + 1), dtype=int)
-    for first in range(1, frames + 1, _ROWS):
-        ends = np.arange(first, min(first + _ROWS, frames + 1))
+    for first in range(1, frames + 1, _ENDS_AT_ONCE):
+        ends = np.arange(first, min(first + _ENDS_AT_ONCE, frames + 1))
         stance_costs = _stance_costs(toes, stand, high, ends, settings)
         swing_costs = _swing_costs(toes, swing, low_keys, ends, settings)
         for row, end in enumerate(ends.tolist()):
@@ -134,10 +116,10 @@ def divide_pairs(
     probability: Float[ndarray, "leg frame"],
     settings: FootSettings = FOOT_DEFAULTS,
 ) -> list[list[slice]]:
-    """:func:`divide` for feet that follow one another in pairs, left and right.
+    """:func:`divide` for pairs of feet, left and right in turn.
 
-    Where both feet of a pair swing low at once for longer than in a leap, as if the figure glided, the second is
-    divided once more, its swings there dearer, and then the first.
+    Where both feet of a pair swing low together for longer than a leap, the character seems to glide: the right foot is
+    divided again with a higher cost for swinging there, then the left.
     """
     found = divide(toes, probability, settings)
     low = toes[..., 1] < settings.high
@@ -165,8 +147,8 @@ def _standing(found: list[list[slice]], frames: int) -> Bool[ndarray, "leg {fram
 def _evidence(
     toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: FootSettings
 ) -> tuple[Float[ndarray, "leg frame"], Float[ndarray, "leg frame"], Float[ndarray, "leg frame"]]:
-    """What each frame costs: standing by its contact, standing by its height, and swinging."""
-    sure = np.clip(probability, _SURE, 1.0 - _SURE)
+    """Costs of each frame: of standing by its contact, of standing by its height, and of swinging."""
+    sure = np.clip(probability, _CONTACT_MARGIN, 1.0 - _CONTACT_MARGIN)
     height = toes[..., 1]
     speed = np.linalg.norm(np.gradient(toes, axis=1), axis=-1)
     stand = settings.trust * np.log((1.0 - sure) / sure)
@@ -180,8 +162,8 @@ def _evidence(
 def _low_keys(
     toes: Float[ndarray, "leg frame 3"], probability: Float[ndarray, "leg frame"], settings: FootSettings
 ) -> Bool[ndarray, "leg 2"]:
-    """Whether each foot is low at each key and not known to move there."""
-    return (toes[:, [0, -1], 1] < settings.key_low) & (probability[:, [0, -1]] > _SURE)
+    """Whether each foot is low at each of the two keys and may stand there."""
+    return (toes[:, [0, -1], 1] < settings.key_low) & (probability[:, [0, -1]] > _CONTACT_MARGIN)
 
 
 def _stance_costs(
@@ -191,19 +173,21 @@ def _stance_costs(
     ends: Int[ndarray, "row"],
     settings: FootSettings,
 ) -> Float[ndarray, "leg row begin"]:
-    """The cost of standing from each beginning to (not with) each of ``ends``."""
+    """The cost of standing from each beginning up to, not including, each of ``ends``."""
     frames, final = toes.shape[1], int(ends[-1])
     away = toes - toes[:, :1]
-    way, square = _sums(away), _sums(np.sum(away**2, axis=-1))
+    sums, square_sums = _sums(away), _sums(np.sum(away**2, axis=-1))
     begins = np.arange(final)
     count = ends[:, None] - begins
-    total = way[:, ends, None] - way[:, None, :final]
-    squares = square[:, ends, None] - square[:, None, :final]
+    total = sums[:, ends, None] - sums[:, None, :final]
+    squares = square_sums[:, ends, None] - square_sums[:, None, :final]
+    # The squared distances from the mean, from running sums: sum |x - mean|^2 = sum |x|^2 - |sum x|^2 / count.
     stray = squares - np.sum(total**2, axis=-1) / np.maximum(count, 1)
     cost = stray / settings.loose**2 + _between(high, ends)
     cost[:, (begins > 0) & (count < settings.shortest)] = np.inf
+    # Stances that begin with the start key keep to its place, which is the origin of `away`.
     cost[:, :, 0] = squares[:, :, 0] / settings.loose_key**2 + _between(_hovering(toes, 0, settings), ends)[:, :, 0]
-    if final == frames:  # stances that hold the target
+    if final == frames:  # stances that end with the target keep to its place: sum |x - end|^2, expanded
         end = away[:, -1]
         from_start = _dot(end, end)
         stray = squares[:, -1] - 2.0 * np.einsum("lbc,lc->lb", total[:, -1], end) + count[-1] * from_start
@@ -213,7 +197,7 @@ def _stance_costs(
 
 
 def _hovering(toes: Float[ndarray, "leg frame 3"], key: int, settings: FootSettings) -> Float[ndarray, "leg frame"]:
-    """What it costs each frame to stand where a key's toe is, in the air and higher than the frame's own."""
+    """The cost of standing in each frame where the key's toe is in the air and higher than the frame's own."""
     height = toes[:, key, 1, None]
     above = np.where(height > settings.high, np.maximum(height - toes[..., 1], 0.0), 0.0)
     return (above / settings.high_scale) ** 2
@@ -226,16 +210,17 @@ def _swing_costs(
     ends: Int[ndarray, "row"],
     settings: FootSettings,
 ) -> Float[ndarray, "leg row begin"]:
-    """The cost of swinging from each beginning to (not with) each of ``ends``."""
+    """The cost of swinging from each beginning up to, not including, each of ``ends``."""
     frames, final = toes.shape[1], int(ends[-1])
     begins = np.arange(final)
     count = ends[:, None] - begins
     to = toes[:, np.minimum(ends, frames - 1)]
     since = toes[:, np.maximum(begins - 1, 0)]
     apart = np.linalg.norm(to[:, :, None] - since[:, None], axis=-1)
+    # Frames that a swing lacks to cover its distance at a plausible speed.
     late = np.maximum(settings.shortest_swing + apart / settings.pace_swing - count, 0.0)
     within = (begins > 0) & (ends[:, None] < frames)
-    # From a key in which the foot stands, or to one, it takes as long as from stance to stance.
+    # A swing from or to a key in which the foot stands needs as long as one between two stances.
     left = (begins > 0) | low_keys[:, :1]
     reached = (ends < frames) | low_keys[:, 1:]
     dragged = _between((toes[..., 1] < settings.high).astype(float), ends)
@@ -251,7 +236,7 @@ def _sums(values: Float[ndarray, "leg frame *rest"]) -> Float[ndarray, "leg fram
 
 
 def _between(values: Float[ndarray, "leg frame"], ends: Int[ndarray, "row"]) -> Float[ndarray, "leg row begin"]:
-    """The sum of the values from each beginning to each end."""
+    """The sum of the values from each beginning up to each end."""
     sums = _sums(values)
     return sums[:, ends, None] - sums[:, None, : int(ends[-1])]
 

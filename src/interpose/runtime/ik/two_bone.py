@@ -1,9 +1,4 @@
-"""Analytic inverse kinematics of a limb of two bones: hip, knee, ankle.
-
-The law of cosines gives the knee's angle, the old bending plane its direction, as in Holden's `Simple Two Joint IK`
-(2017) and Kovar et al. 2002 (`Footskate Cleanup for Motion Capture Editing`, section 4). Near full extension the limb
-approaches its length smoothly, as in Nicholson's `Soft IK` (2009), so that a knee never snaps straight.
-"""
+"""Analytic inverse kinematics of a limb of two bones (hip, knee, ankle), with soft reach near full extension."""
 
 from __future__ import annotations
 
@@ -14,21 +9,19 @@ from numpy import ndarray
 from interpose import rotation
 
 SOFT_SHARE = 0.02
-"""The last part of the limb's length, over which further stretching is damped."""
-
-_CLEAR = 0.06
-"""Metres that a knee stands out from the line hip to ankle when its bending plane is sure."""
-
+"""Share of the limb's length, at its end, over which stretching is damped."""
+_SURE_BEND = 0.06
+"""Metres between the knee and the straight from hip to ankle from which the bending plane is reliable."""
 _STRAIGHT = 1e-6
 
 
 def soft_reach(
     wanted: Float[ndarray, "*batch"], present: Float[ndarray, "*batch"], length: float
 ) -> Float[ndarray, "*batch"]:
-    """How far apart the ends of a limb of ``length`` may be that are ``present`` apart and ``wanted`` that far.
+    """The distance that a limb of ``length`` reaches if its ends are now ``present`` apart and should be ``wanted``.
 
-    What is wanted, up to 98 % of the length or where the limb is now; beyond, ever less, and never the whole length.
-    A limb that is as straight as that already keeps its reach.
+    That is ``wanted`` up to 98 % of the length or the present distance; beyond that it approaches the length without
+    reaching it, so that a knee never snaps straight (Nicholson 2009, `Soft IK`). Metres.
     """
     begin = np.maximum(present, (1.0 - SOFT_SHARE) * length)
     room = np.maximum(length * (1.0 - 1e-5) - begin, 0.0)
@@ -44,29 +37,31 @@ def two_bone_ik(
     target: Float[ndarray, "*batch 3"],
     forward: Float[ndarray, "*batch 3"],
 ) -> tuple[Float[ndarray, "*batch 4"], Float[ndarray, "*batch 4"]]:
-    """The world rotations by which thigh and shin turn so that the ankle comes to ``target``, the hip staying.
+    """World rotations that turn the thigh and the shin so that the ankle comes to ``target`` while the hip stays.
 
-    The knee keeps its bending plane, carried along by the shortest turn of the line from hip to ankle. Where the limb
-    is so straight that its plane is unsure, or bent backwards, and has to bend more, the knee comes out towards
-    ``forward``. A target out of reach is approached as far as the bones allow. Positions in metres.
+    The law of cosines gives the knee's angle; the bending plane is carried along by the shortest turn from the old to
+    the new direction of the limb (Kovar et al. 2002, section 4; Holden 2017, `Simple Two Joint IK`). Where the limb is
+    too straight for a reliable plane, or bent backwards, and has to bend more, the knee moves towards ``forward``. A
+    target out of reach is approached as far as the bones allow. Positions in metres.
     """
     thigh, shin = _length(knee - hip), _length(ankle - knee)
     old = ankle - hip
     present, wanted = _length(old), _length(target - hip)
     reach = np.clip(wanted, np.abs(thigh - shin) * (1.0 + 1e-9) + 1e-9, thigh + shin)
     reach = np.where(np.abs(wanted - present) < 1e-9, present, reach)
+    # The knee in the bending plane: x along the limb, y off it.
     x = (thigh**2 + reach**2 - shin**2) / (2.0 * reach)
     y = np.sqrt(np.maximum(thigh**2 - x**2, 0.0))
 
     along = _unit(old)
     out = (knee - hip) - _dot(knee - hip, along) * along
     ahead = _unit(forward - _dot(forward, along) * along)
-    unsure = np.maximum(y - _length(out), _STRAIGHT) * np.clip(1.0 - _length(out) / _CLEAR, 0.0, 1.0)
+    unsure = np.maximum(y - _length(out), _STRAIGHT) * np.clip(1.0 - _length(out) / _SURE_BEND, 0.0, 1.0)
     pole = out + unsure * ahead
 
-    line = np.where(wanted > 1e-9, target - hip, old)
-    turn = rotation.between(old, line)
-    new_along, new_pole = _unit(line), _unit(rotation.rotate(turn, pole))
+    new = np.where(wanted > 1e-9, target - hip, old)
+    turn = rotation.between(old, new)
+    new_along, new_pole = _unit(new), _unit(rotation.rotate(turn, pole))
     new_knee = hip + x * new_along + y * new_pole
     new_ankle = hip + reach * new_along
 
