@@ -13,15 +13,19 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import time
 from functools import partial
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "gallery"))
 
+import full_scan
 import numpy as np
 
 from interpose.data import database
-from interpose.gallery import matching, proposals, scan, store
+from interpose.gallery import matching, proposals, store
 from interpose.gallery.matching import Query
 from interpose.gallery.tracks import Tracks, from_database
 from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
@@ -64,7 +68,7 @@ def measure(tracks: Tracks, queries: int, scans: int) -> str:
     for wanted in asked[:10]:
         gallery.search(wanted, COUNT)
     direct = [timed(partial(gallery.search, wanted, COUNT)) for wanted in asked]
-    plain = [timed(partial(scan.best, tracks, wanted, COUNT)) for wanted in asked[:scans]]
+    plain = [timed(partial(full_scan.best, tracks, wanted, COUNT)) for wanted in asked[:scans]]
     agree = np.mean([same(a, b) for (_, a), (_, b) in zip(direct, plain, strict=False)])
     whole, composed = 0, []
     for i in range(4 * queries):
@@ -85,7 +89,9 @@ def measure(tracks: Tracks, queries: int, scans: int) -> str:
             composed.append(taken)
     gaps = [drawn(draw, True, 0.5, 5.0) for _ in range(40)]
     one, eight = (
-        np.median([timed(partial(proposals.propose, gallery, gap, proposals.Asked(), count=n))[0] for gap in gaps])
+        np.median(
+            [timed(partial(proposals.propose, gallery, gap, proposals.PathRequest(), count=n))[0] for gap in gaps]
+        )
         for n in (1, 8)
     )
     size = len(gallery.index)

@@ -28,7 +28,7 @@ def parse_keys(text: str, frames: int) -> tuple[int, ...]:
         match = _ITEM.fullmatch(item.strip())
         if match is None:
             raise InputError(
-                f"{given}: '{_shown(item.strip())}' is not a frame or a range of frames, as in 0,45,90-99 ({clip})"
+                f"{given}: '{_shown(item.strip())}' is neither a frame nor a range of frames, as in 0,45,90-99 ({clip})"
             )
         first, last = (_in_clip(number, given, frames) for number in (match[1], match[2] or match[1]))
         if last < first:

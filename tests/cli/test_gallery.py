@@ -76,7 +76,7 @@ def test_query_tells_durations_and_trajectories(run, gallery, march):
         (("0,0,0", "0,2,0", "--speed", "hasty"), "unknown speed 'hasty'"),
         (("0,0,0", "0,2,0", "--speed", "fast", "--frames", "30"), "give one of them"),
         (("0,0,0", "0,5,0", "--frames", "4"), "the nearest takes"),
-        (("0,0,nan", "0,5,0"), "not a finite place"),
+        (("0,0,nan", "0,5,0"), "not a finite position"),
         (("0,0,x", "0,5,0"), "'0,0,x' is no place"),
         (("0,0,0", "none.bvh:3"), "not one of each"),
         (("none.bvh:1", "none.bvh:3"), "no such file"),
@@ -93,7 +93,7 @@ def test_what_is_no_gallery_is_refused(run, tmp_path, model, march):
     fails(run("gallery", "query", model, "0,0,0", "0,1,0"), "has no gallery")
     fails(run("gallery", "build", tmp_path / "none", "-o", tmp_path / "g"), "not a finished database")
     result = run("between", f"{march}:0", f"{march}:9", "--gallery", tmp_path, "--frames", 20, "-o", tmp_path / "o.bvh")
-    fails(result, "is no gallery")
+    fails(result, "is not a gallery")
     assert run("gallery", "frobnicate")[0] == 2
 
 

@@ -376,7 +376,7 @@ def test_steps_and_places_that_are_none() -> None:
     for steps in (0, -5, 601):
         with pytest.raises(InputError, match=f"1 to 600 frames at 30 Hz, got {steps}"):
             follow(None, line, query, PathRequest(steps), NOTHING)
-    with pytest.raises(InputError, match="not a finite place"):
+    with pytest.raises(InputError, match="not a finite position"):
         follow(None, line, Query((0.0, np.nan, 0.0), (0.0, 4.0, 0.0)), PathRequest(60), NOTHING)
 
 

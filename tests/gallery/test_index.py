@@ -4,14 +4,14 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from gallery import full_scan
 from gallery.walks import angles, drawn, even, several_clips, tracks_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interpose.errors import InputError
 from interpose.gallery import index as indexing
-from interpose.gallery import scan
-from interpose.gallery.index import BINS, PAIRS, SECTOR, SECTORS, build, distance_bin
+from interpose.gallery.index import DISTANCE_BINS, SECTOR, SECTOR_PAIRS, SECTORS, build, distance_bin
 from interpose.gallery.windows import (
     LONGEST_WINDOW,
     SHORTEST_WINDOW,
@@ -63,7 +63,7 @@ def test_the_index_finds_what_the_scan_finds(data, clips, count, batch):
     tracks = drawn(clips)
     wanted = data.draw(wants(tracks))
     with mock.patch.object(indexing, "BATCH", batch):
-        assert_same(indexing.best(build(tracks), wanted, count), scan.best(tracks, wanted, count))
+        assert_same(indexing.best(build(tracks), wanted, count), full_scan.best(tracks, wanted, count))
 
 
 @pytest.mark.parametrize("name", ["wandering", "marching"])
@@ -73,14 +73,14 @@ def test_the_index_finds_what_the_scan_finds_among_many(name, request, data, cou
     gallery = request.getfixturevalue(name)
     wanted = data.draw(wants(gallery.tracks))
     with mock.patch.object(indexing, "BATCH", batch):
-        assert_same(indexing.best(gallery.index, wanted, count), scan.best(gallery.tracks, wanted, count))
+        assert_same(indexing.best(gallery.index, wanted, count), full_scan.best(gallery.tracks, wanted, count))
 
 
 def test_of_thousands_of_equal_errors_the_first_are_taken(marching):
     wanted = WindowQuery((0.5, 4.0), (0.0, 0.0))
     for count in (1, 7, 3000):
         found = indexing.best(marching.index, wanted, count)
-        assert_same(found, scan.best(marching.tracks, wanted, count))
+        assert_same(found, full_scan.best(marching.tracks, wanted, count))
         assert len(found) == count
         assert not found.error.any()
         assert not found.mirrored.any()
@@ -93,14 +93,14 @@ def test_equal_errors_are_found_though_they_are_read_later(count):
     wanted = WindowQuery((0.6, 1.2), (0.4, 0.4), "turn")
     with mock.patch.object(indexing, "BATCH", 1):
         found = indexing.best(build(tracks), wanted, count)
-    assert_same(found, scan.best(tracks, wanted, count))
+    assert_same(found, full_scan.best(tracks, wanted, count))
     assert found.start[0] == found.error.max() == 0
 
 
 def test_all_that_fit_are_given_where_more_are_asked_for(wandering):
     wanted = WindowQuery((1.0, 1.1), (0.3, -0.2), threshold=1.0)
     found = indexing.best(wandering.index, wanted, 10**6)
-    assert rows(found) == rows(scan.best(wandering.tracks, wanted, 10**6))
+    assert rows(found) == rows(full_scan.best(wandering.tracks, wanted, 10**6))
     assert 100 < len(found) < 10**6
     assert (np.diff(found.error) >= 0).all()
     assert found.error.max() <= 1.0 / (2.0 * np.pi) * TURN
@@ -121,7 +121,7 @@ def test_all_that_fit_are_given_where_more_are_asked_for(wandering):
 )
 def test_where_nothing_fits_nothing_is_found(marching, wanted):
     assert len(indexing.best(marching.index, wanted, 5)) == 0
-    assert len(scan.best(marching.tracks, wanted, 5)) == 0
+    assert len(full_scan.best(marching.tracks, wanted, 5)) == 0
     assert len(indexing.sample(marching.index, wanted, 5, np.random.default_rng(0))) == 0
 
 
@@ -141,7 +141,7 @@ def test_few_windows_are_read_for_the_best(wandering):
 def test_the_bins_of_distance_rise_with_it(distances):
     bins = distance_bin(np.sort(np.array(distances, np.float32)))
     assert (np.diff(bins) >= 0).all()
-    assert 0 <= bins[0] <= bins[-1] < BINS
+    assert 0 <= bins[0] <= bins[-1] < DISTANCE_BINS
 
 
 @given(angles, angles, st.sampled_from(["both", "start", "turn"]), st.sampled_from([0, 1]))
@@ -182,11 +182,11 @@ def test_windows_lie_in_the_cells_of_their_style_distance_and_facings_by_steps(w
     index, tracks = wandering.index, wandering.tracks
     clip = np.searchsorted(tracks.ranges[:, 0], index.start, side="right") - 1
     at_start, at_end = (index.facing // SECTOR).T.astype(np.int64)
-    block = tracks.clip_styles[clip] * BINS + distance_bin(index.distance)
+    block = tracks.clip_styles[clip] * DISTANCE_BINS + distance_bin(index.distance)
     cell = (block * SECTORS + at_start) * SECTORS + at_end
     held = np.repeat(np.arange(len(index.cells) - 1), np.diff(index.cells.astype(np.int64)))
     np.testing.assert_array_equal(held, cell)
-    assert len(index.cells) == len(tracks.styles) * BINS * PAIRS + 1
+    assert len(index.cells) == len(tracks.styles) * DISTANCE_BINS * SECTOR_PAIRS + 1
     within = np.diff(cell) == 0
     assert (np.diff(index.steps.astype(int))[within] >= 0).all()
 
@@ -220,7 +220,7 @@ def test_a_window_takes_13_bytes_beside_the_table_of_cells(wandering):
     assert index.nbytes - index.cells.nbytes <= 24 * len(index)
     # The table is as large for any gallery: at 4 hours of one style it is well within 24 bytes a window.
     hours = 4 * 3600 * 30 * (LONGEST_WINDOW - SHORTEST_WINDOW)
-    assert 13 + 4 * (BINS * PAIRS + 1) / hours < 24
+    assert 13 + 4 * (DISTANCE_BINS * SECTOR_PAIRS + 1) / hours < 24
 
 
 def test_progress_is_told_until_all_is_done(wandering):
@@ -236,14 +236,14 @@ def test_progress_is_told_until_all_is_done(wandering):
 
 
 def fitting(gallery, wanted):
-    return set(rows(scan.best(gallery.tracks, wanted, 10**6)))
+    return set(rows(full_scan.best(gallery.tracks, wanted, 10**6)))
 
 
 @given(st.data(), several_clips, st.sampled_from([1, 10, 500, 10**6]), st.integers(0, 9))
 def test_what_is_drawn_fits_and_is_drawn_once_and_all_is_where_no_more_is_there(data, clips, count, seed):
     tracks = drawn(clips)
     wanted = data.draw(wants(tracks))
-    told = set(rows(scan.best(tracks, wanted, 10**6)))
+    told = set(rows(full_scan.best(tracks, wanted, 10**6)))
     found = rows(indexing.sample(build(tracks), wanted, count, np.random.default_rng(seed)))
     assert len(set(found)) == len(found) == min(count, len(told))
     assert set(found) <= told

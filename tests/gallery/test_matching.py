@@ -4,16 +4,17 @@ from functools import partial
 
 import numpy as np
 import pytest
+from gallery import full_scan
 from gallery.walks import ahead, angles, ends_of, even, moved, tracks_of, wander
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interpose.gallery import scan, store
+from interpose.gallery import store
 from interpose.gallery.matching import (
-    FARTHEST,
     IN_PLACE,
-    LEAST,
+    LONGEST_QUERY,
     MATCH_DEFAULTS,
+    SHORTEST_PART,
     MatchSettings,
     Query,
     Window,
@@ -214,7 +215,7 @@ def test_a_composition_keeps_to_a_style(strolling):
 @given(FAR, near_0, st.integers(0, 1000))
 def test_index_and_scan_compose_the_same(strolling, metres, last, seed):
     query = ahead(metres, (0.0, last))
-    by_scan = partial(scan.best, strolling.tracks)
+    by_scan = partial(full_scan.best, strolling.tracks)
     assert composed(strolling, query, seed, by_scan) == composed(strolling, query, seed)
 
 
@@ -225,14 +226,14 @@ def test_equal_seeds_compose_the_same_and_others_differ(strolling):
 
 
 def test_what_cannot_be_composed_is_given_up_soon(strolling):
-    for query in (ahead(0.05), Query((1.0, 1.0, 0.0), (1.0, 1.0, 3.0)), ahead(1.01 * FARTHEST), ahead(1e9)):
+    for query in (ahead(0.05), Query((1.0, 1.0, 0.0), (1.0, 1.0, 3.0)), ahead(1.01 * LONGEST_QUERY), ahead(1e9)):
         search = Counted(strolling.search)
         assert composed(strolling, query, search=search) is None
         assert search.asked == []
     search = Counted(strolling.search)
     fast = np.full_like(strolling.distances, 30.0)
     draw = np.random.default_rng(0)
-    assert compose(search, strolling.tracks, fast, ahead(1.01 * FARTHEST), draw) is None
+    assert compose(search, strolling.tracks, fast, ahead(1.01 * LONGEST_QUERY), draw) is None
     assert search.asked == []
     for query, more in (
         (ahead(90.0), {}),
@@ -242,7 +243,7 @@ def test_what_cannot_be_composed_is_given_up_soon(strolling):
         (ahead(8.0), {"steps": (2000, 2200)}),
         (ahead(8.0), {"styles": ()}),
         (ahead(0.11), {"steps": (300, 301)}),
-        (ahead(2.5 * LEAST + IN_PLACE), {"settings": MatchSettings(threshold=0.0)}),
+        (ahead(2.5 * SHORTEST_PART + IN_PLACE), {"settings": MatchSettings(threshold=0.0)}),
         (ahead(8.0), {"settings": MatchSettings(rounds=0)}),
     ):
         search = Counted(strolling.search)

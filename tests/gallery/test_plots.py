@@ -14,7 +14,7 @@ from interpose.gallery import paths, store
 from interpose.gallery.plots import canvas, distances, match, plot, variants
 from interpose.gallery.proposals import Unreachable
 from interpose.gallery.store import Gallery
-from interpose.gallery.tracks import POSTURE, Tracks
+from interpose.gallery.tracks import POSTURE_SIZE, Tracks
 from interpose.rotation import wrapped
 
 pytest.importorskip("matplotlib")
@@ -37,7 +37,7 @@ def gallery_of(clips: list[tuple[str, np.ndarray]]) -> Gallery:
     return store.of_tracks(
         Tracks(
             root,
-            np.zeros((len(root), POSTURE), np.float16),
+            np.zeros((len(root), POSTURE_SIZE), np.float16),
             np.stack([np.concatenate([[0], stops[:-1]]), stops], axis=-1),
             np.array([styles.index(style) for style, _ in clips]),
             styles,

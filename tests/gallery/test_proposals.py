@@ -13,8 +13,8 @@ from interpose.errors import InputError
 from interpose.gallery import paths, store
 from interpose.gallery.matching import Query, window_query
 from interpose.gallery.proposals import LONGEST_GAP, PathRequest, Unreachable, propose, suggestion
-from interpose.gallery.tracks import POSTURE, mirror_posture
-from interpose.gallery.weighing import RATIOS, Costs, EndStates, gather
+from interpose.gallery.tracks import POSTURE_SIZE, mirror_posture
+from interpose.gallery.weighing import DURATION_PRIOR, Costs, EndStates, gather
 from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW, TURN
 
 near_0 = st.floats(-0.4, 0.4)
@@ -196,15 +196,15 @@ def test_the_first_keeps_near_to_a_hint(wandering):
 
 
 def posture_with(height):
-    return np.full(POSTURE, 0.3) * np.where(np.arange(POSTURE) == 0, height / 0.3, 1.0)
+    return np.full(POSTURE_SIZE, 0.3) * np.where(np.arange(POSTURE_SIZE) == 0, height / 0.3, 1.0)
 
 
 def test_the_posture_at_the_keys_decides_between_ways_that_fit_alike():
     upright, low = posture_with(0.95), posture_with(0.5)
     left, right = arc(120, turning=0.3), arc(120, turning=-0.3)
     # Arcs one way upright and the other way low, a hand raised: in the mirror it is the other hand.
-    one_hand = np.where(np.arange(POSTURE) == 5, 1.6, upright)
-    other_hand = np.where(np.arange(POSTURE) == 8, 1.6, low)
+    one_hand = np.where(np.arange(POSTURE_SIZE) == 5, 1.6, upright)
+    other_hand = np.where(np.arange(POSTURE_SIZE) == 8, 1.6, low)
     gallery = store.of_tracks(tracks_of([left, right], ["Up", "Low"], [one_hand, other_hand]))
     for posture, style, side in (
         (one_hand, "Up", 1.0),
@@ -439,7 +439,7 @@ def test_places_that_are_not_finite_are_refused(marching, value, entry):
     numbers[entry] = value
     query = Query(tuple(numbers[:3]), tuple(numbers[3:]))
     for call in (lambda: propose(marching, query, PathRequest()), lambda: suggestion(marching, query)):
-        with pytest.raises(InputError, match="not a finite place"):
+        with pytest.raises(InputError, match="not a finite position"):
             call()
 
 
@@ -458,7 +458,7 @@ def test_unknown_styles_and_speeds_are_refused_with_the_known_ones(marching, met
             call(
                 marching, ahead(metres), *([PathRequest(style="Proud")] if call is propose else [EndStates(), "Proud"])
             )
-    with pytest.raises(InputError, match="unknown speed 'quick'; there are fast, medium, slow"):
+    with pytest.raises(InputError, match="unknown speed 'quick'; use fast, medium, slow"):
         propose(marching, ahead(metres), PathRequest(speed="quick"))
 
 
@@ -478,6 +478,6 @@ def test_windows_are_weighed_once_each_the_best_by_equation_7_among_them(wanderi
     top = wandering.search(window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), None), 64)
     assert set(zip(top.start, top.steps, top.mirrored, strict=True)) <= rows
     assert pool.weights.max() == 1.0
-    np.testing.assert_allclose(pool.cost - pool.misfit, RATIOS * np.log(pool.found.steps))
+    np.testing.assert_allclose(pool.cost - pool.misfit, DURATION_PRIOR * np.log(pool.found.steps))
     assert (pool.misfit >= 0.5 * np.square(pool.found.error / TURN * 2.0 * np.pi / Costs().facing) - 1e-9).all()
     np.testing.assert_allclose(pool.sketch[:, -1], np.broadcast_to([0.0, 1.0], (len(pool), 2)), atol=1e-9)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gallery import full_scan
 
 from interpose import io, load_model, retarget
-from interpose.gallery import index, matching, scan, store
+from interpose.gallery import index, matching, store
 from interpose.gallery.matching import Query
 from interpose.gallery.tracks import from_motions
 from interpose.gallery.windows import SHORTEST_WINDOW
@@ -38,7 +39,7 @@ def test_index_and_scan_agree_on_real_motion(gallery):
         asked = matching.window_query(
             Query((0.0, 0.0, turn[0]), (0.0, way, turn[1])), (SHORTEST_WINDOW, 60 + i), styles
         )
-        fast, plain = index.best(gallery.index, asked, 40), scan.best(gallery.tracks, asked, 40)
+        fast, plain = index.best(gallery.index, asked, 40), full_scan.best(gallery.tracks, asked, 40)
         for name in ("start", "steps", "mirrored", "error"):
             np.testing.assert_array_equal(getattr(fast, name), getattr(plain, name))
 

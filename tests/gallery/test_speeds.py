@@ -106,5 +106,5 @@ def test_fewer_different_durations_make_fewer_groups(count):
 
 @pytest.mark.parametrize("speed", ["quick", "", "Fast"])
 def test_another_word_is_no_speed(speed):
-    with pytest.raises(InputError, match=f"unknown speed '{speed}'; there are fast, medium, slow"):
+    with pytest.raises(InputError, match=f"unknown speed '{speed}'; use fast, medium, slow"):
         group_of(told([30, 60, 90]), speed)

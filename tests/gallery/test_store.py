@@ -183,9 +183,9 @@ def test_what_is_no_gallery_is_not_overwritten(tmp_path):
     before = contents(tmp_path / "db")
     gallery = store.of_tracks(tracks_of([even(40)]))
     for out in (mine, tmp_path / "file", tmp_path / "db"):
-        with pytest.raises(InputError, match=f"{out.name} is there and is no gallery"):
+        with pytest.raises(InputError, match=f"{out.name} exists but is not a gallery"):
             store.build(data, out)
-        with pytest.raises(InputError, match=f"{out.name} is there and is no gallery"):
+        with pytest.raises(InputError, match=f"{out.name} exists but is not a gallery"):
             store.save(gallery, out)
     assert (mine / "thesis.txt").read_text() == "years"
     assert contents(tmp_path / "db") == before
@@ -244,15 +244,15 @@ def test_a_new_gallery_that_cannot_take_its_place_leaves_the_old_one_there(small
 
 
 def test_what_is_no_gallery_is_not_loaded(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere is no gallery: it has no meta.json; make one with"):
+    with pytest.raises(InputError, match=r"nowhere is not a gallery: it has no meta.json; use"):
         store.load(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no such gallery"):
         store.load(tmp_path / "nowhere.npz")
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="is no gallery"):
+    with pytest.raises(InputError, match="is not a gallery"):
         store.load(tmp_path / "file")
     (tmp_path / "folder.npz").mkdir()
-    with pytest.raises(InputError, match="is no gallery"):
+    with pytest.raises(InputError, match="is not a gallery"):
         store.load(tmp_path / "folder.npz")
     write_database(tmp_path / "db", (60,))
     with pytest.raises(InputError, match="db"):
@@ -338,7 +338,7 @@ def test_a_small_form_that_does_not_fit_together_is_refused(small, npz, name):
             store.load(npz)
     del arrays[name]
     np.savez(npz, **arrays)
-    with pytest.raises(InputError, match=rf"gallery\.npz is no gallery .*{name}"):
+    with pytest.raises(InputError, match=rf"gallery\.npz is not a gallery .*{name}"):
         store.load(npz)
 
 
@@ -369,7 +369,7 @@ def test_facts_that_are_none_are_refused(folder, npz, text):
         store.load(folder)
     with np.load(npz) as held:
         np.savez(npz, **{**held, "meta": np.array(text)})
-    with pytest.raises(InputError, match=r"gallery\.npz is no gallery"):
+    with pytest.raises(InputError, match=r"gallery\.npz is not a gallery"):
         store.load(npz)
 
 
@@ -392,15 +392,15 @@ def test_a_small_form_with_any_bytes_changed_is_loaded_or_refused(npz, data):
 def test_files_that_are_no_small_form_are_refused(npz, tmp_path):
     np.save(tmp_path / "one.npy", np.zeros(3))
     shutil.move(tmp_path / "one.npy", npz)
-    with pytest.raises(InputError, match="is no gallery"):
+    with pytest.raises(InputError, match="is not a gallery"):
         store.load(npz)
     with zipfile.ZipFile(npz, "w") as file:
         file.writestr("meta.npy", "no array")
-    with pytest.raises(InputError, match="is no gallery"):
+    with pytest.raises(InputError, match="is not a gallery"):
         store.load(npz)
     for content in (b"", b"PK", b"PK\x03\x04" + bytes(50), b"\x93NUMPY", b"GIF89a"):
         npz.write_bytes(content)
-        with pytest.raises(InputError, match="is no gallery"):
+        with pytest.raises(InputError, match="is not a gallery"):
             store.load(npz)
 
 

@@ -14,15 +14,15 @@ from interpose.data import database
 from interpose.data.database import ClipArrays, ClipInfo
 from interpose.errors import InputError
 from interpose.gallery.tracks import (
-    POINTS,
-    POSTURE,
+    POSTURE_POINTS,
+    POSTURE_SIZE,
     from_database,
     from_motions,
     mirror_posture,
     posture_distance,
     posture_of,
-    sound,
     track_of,
+    without_jumps,
 )
 from interpose.motion import Motion, mirror
 from interpose.skeleton import HUMANOID
@@ -59,11 +59,11 @@ def test_a_mirrored_motion_has_the_mirrored_track_and_posture(motion):
 
 
 def test_mirroring_a_posture_twice_changes_nothing_and_once_exchanges_the_hands():
-    posture = np.random.default_rng(0).normal(size=(3, POSTURE))
+    posture = np.random.default_rng(0).normal(size=(3, POSTURE_SIZE))
     seen = mirror_posture(posture)
     np.testing.assert_array_equal(mirror_posture(seen), posture)
-    left = 1 + 3 * POINTS.index("LeftHand")
-    right = 1 + 3 * POINTS.index("RightHand")
+    left = 1 + 3 * POSTURE_POINTS.index("LeftHand")
+    right = 1 + 3 * POSTURE_POINTS.index("RightHand")
     np.testing.assert_array_equal(seen[:, left : left + 3], posture[:, right : right + 3] * [-1.0, 1.0, 1.0])
     np.testing.assert_array_equal(seen[:, 0], posture[:, 0])
 
@@ -79,18 +79,23 @@ def test_the_posture_of_the_rest_pose_is_read_off_the_skeleton():
     places = rest.global_positions()[0]
     posture = posture_of(rest)[0]
     assert posture[0] == 0.9
-    for i, name in enumerate(POINTS):
+    for i, name in enumerate(POSTURE_POINTS):
         np.testing.assert_allclose(
             posture[1 + 3 * i : 4 + 3 * i], places[HUMANOID.index(name)] - [2.0, 0.0, 1.0], atol=1e-12
         )
-    assert posture[1 + 3 * POINTS.index("LeftHand")] > 0.3 > -0.3 > posture[1 + 3 * POINTS.index("RightHand")]
+    assert (
+        posture[1 + 3 * POSTURE_POINTS.index("LeftHand")]
+        > 0.3
+        > -0.3
+        > posture[1 + 3 * POSTURE_POINTS.index("RightHand")]
+    )
 
 
 @given(st.floats(0.0, 3.0), st.integers(0, 5))
 def test_postures_whose_points_are_all_equally_far_apart_are_that_far_apart(metres, seed):
     rng = np.random.default_rng(seed)
-    posture = rng.normal(size=POSTURE)
-    way = rng.normal(size=(len(POINTS), 3))
+    posture = rng.normal(size=POSTURE_SIZE)
+    way = rng.normal(size=(len(POSTURE_POINTS), 3))
     way *= metres / np.linalg.norm(way, axis=-1, keepdims=True)
     other = posture + np.concatenate([[metres], way.reshape(-1)])
     np.testing.assert_allclose(posture_distance(posture, other), metres, atol=1e-12)
@@ -156,19 +161,19 @@ def test_ranges_of_a_database_keep_the_styles_of_their_clips(data):
 @pytest.mark.parametrize("change", ["place", "yaw", "outlier"])
 def test_a_track_is_cut_where_it_jumps(change):
     track = wander(200, 3)
-    assert sound(track) == [(0, 200)]
+    assert without_jumps(track) == [(0, 200)]
     if change == "place":
         track[80:, :2] += 0.5
     elif change == "yaw":
         track[80:, 2] += 2.0
     else:
         track[80, 0] += 0.3
-    ranges = sound(track)
+    ranges = without_jumps(track)
     assert all(b <= c for (_, b), (c, _) in pairwise(ranges))
     assert (ranges[0][0], ranges[-1][1]) == (0, 200)
     assert 75 < ranges[0][1] <= 80 <= ranges[-1][0] < 85
     for start, stop in ranges:
-        assert sound(track[start:stop]) == [(0, stop - start)]
+        assert without_jumps(track[start:stop]) == [(0, stop - start)]
 
 
 def test_a_motion_that_jumps_becomes_clips_of_its_own():

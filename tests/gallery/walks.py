@@ -12,7 +12,7 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.gallery.matching import Query
 from interpose.gallery.paths import turn
-from interpose.gallery.tracks import POSTURE, Tracks
+from interpose.gallery.tracks import POSTURE_SIZE, Tracks
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
@@ -74,9 +74,11 @@ def tracks_of(
     names = tuple(sorted(set(labels)))
     stops = np.cumsum([len(track) for track in tracks])
     if postures is None:
-        mean, phase = np.random.default_rng(5).uniform([[0.2], [0.0]], [[0.9], [6.0]], size=(2, POSTURE))
+        mean, phase = np.random.default_rng(5).uniform([[0.2], [0.0]], [[0.9], [6.0]], size=(2, POSTURE_SIZE))
         postures = [mean + 0.1 * np.sin(0.2 * np.arange(len(track))[:, None] + phase) for track in tracks]
-    spread = [np.broadcast_to(posture, (len(track), POSTURE)) for posture, track in zip(postures, tracks, strict=True)]
+    spread = [
+        np.broadcast_to(posture, (len(track), POSTURE_SIZE)) for posture, track in zip(postures, tracks, strict=True)
+    ]
     return Tracks(
         np.concatenate(tracks).astype(np.float32),
         np.concatenate(spread).astype(np.float16),

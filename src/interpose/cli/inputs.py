@@ -44,7 +44,7 @@ def gallery_of(name: str) -> Gallery:
     from interpose.runtime import model_folder  # ONNX Runtime takes a while to import
 
     path = Path(name)
-    if path.suffix == ".npz" or (path / store.META).exists():
+    if path.suffix == ".npz" or (path / store.META_FILE).exists():
         return store.load(path)
     try:
         found = model_folder.load(name).gallery

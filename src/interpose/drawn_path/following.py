@@ -73,7 +73,7 @@ def follow(
     of more than 600 steps or faster than 12 m/s anywhere, and for a style that the gallery lacks or an unknown speed.
     """
     if not np.isfinite([*query.start, *query.target]).all():
-        raise InputError("start or target is not a finite place on the ground; give poses without NaN")
+        raise InputError("start or target is not a finite position on the ground; give poses without NaN")
     if asked.steps is not None and not 1 <= asked.steps <= LONGEST_GAP:
         raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {asked.steps}")
     line = _line(drawn, query)

@@ -228,7 +228,7 @@ def _weights(
         found = pool.found
         for frame, wanted, here in zip((found.start, found.start + found.steps), ends.postures, outer, strict=True):
             if here:
-                cost += 0.5 * weighing.unlike(gallery.tracks, found, frame, wanted, Costs())
+                cost += 0.5 * weighing.posture_cost(gallery.tracks, found, frame, wanted, Costs())
     return np.exp(cost.min() - cost)
 
 

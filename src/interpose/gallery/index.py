@@ -1,12 +1,7 @@
-"""The index: the same answers as the full scan of `scan`, from a few thousand windows in place of all of them.
+"""An index of the windows: the results of a full scan after reading only a few thousand of them.
 
-Windows are sorted by style, by the length of v_p in bins of some 3 %, by both facings in bins of a 32nd of a turn, and
-within such a cell by steps. A query reads the bins that its distances touch. For each pair of facing bins the least
-error that a window in it can have is known beforehand; pairs are read in that order until the worst of the best found
-so far beats every pair not yet read, so nothing is missed. A mirrored window is an unmirrored one held against the
-mirrored query.
-
-A window takes 13 bytes (start 4, steps 1, distance 4, facings 2 + 2), and the table of cells one megabyte a style.
+Windows are sorted by style, by bins of the length of v_p, by both facings in bins of a 32nd of a turn, and within such
+a cell by steps. A mirrored window is an unmirrored one compared with the mirrored query.
 """
 
 from __future__ import annotations
@@ -31,29 +26,32 @@ from interpose.gallery.windows import (
     errors,
     features,
     first_of,
-    join,
+    merged,
     select,
 )
 
-NEAR = 0.5
-"""Metres: bins of distance are 3 % of this wide at 0, and 3 % of the distance and this together beyond."""
-GROWTH = 1.03
-BINS = 192
+BIN_OFFSET, BIN_GROWTH = 0.5, 1.03
+"""Bins of distance grow by 3 % of (the distance + 0.5 m)."""
+DISTANCE_BINS = 192
 SECTORS = 32
 SECTOR = TURN // SECTORS
-PAIRS = SECTORS * SECTORS
-BATCH = 4096
-"""Windows that are read at once, about."""
-SPAN = 4_000_000
-"""Windows whose features are worked out at once when an index is built."""
+SECTOR_PAIRS = SECTORS * SECTORS
+READ_BATCH = 4096
+"""Windows read together, about."""
+BUILD_BATCH = 4_000_000
+"""Windows whose features are computed together when an index is built."""
 
 Progress = Callable[[int, int], None]
-"""Called with windows done and windows in all."""
+"""Called with the windows done and their total."""
 
 
 @dataclass(frozen=True, eq=False)
 class Index:
-    """Windows in the order of the module's text. cells: where each (style, bin, sector, sector) begins, and the end."""
+    """Windows in sorted order: 13 bytes each, and a megabyte for the cells of each style.
+
+    distance: metres. facing: at start and end, units of angle. cells: where each (style, bin, sector, sector) begins,
+    and the end.
+    """
 
     tracks: Tracks
     start: UInt32[ndarray, "window"]
@@ -63,44 +61,47 @@ class Index:
     cells: UInt32[ndarray, "cell"]
 
     def __len__(self) -> int:
-        """The number of windows stored; each serves as it lies and in the mirror."""
+        """The number of windows stored, each of which is searched as recorded and mirrored."""
         return len(self.start)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the index without the tracks."""
+        """Bytes of the index, without the tracks."""
         return sum(a.nbytes for a in (self.start, self.steps, self.distance, self.facing, self.cells))
 
 
 def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Index:
-    """Sorts every window of 15 to 150 steps of every clip. Raises InputError where there is none, or too many."""
+    """The index of every window of 15 to 150 steps of every clip. Raises InputError where there is none, or too
+    many."""
     lengths = np.diff(tracks.ranges, axis=1)[:, 0]
     counts = np.array([int(np.maximum(n - np.arange(SHORTEST_WINDOW, LONGEST_WINDOW + 1), 0).sum()) for n in lengths])
     total = int(counts.sum())
     if total == 0:
         raise InputError(f"no clip is longer than {SHORTEST_WINDOW} frames at 30 Hz; a gallery needs longer ones")
     if total >= 2**32 or len(tracks) >= 2**32:
-        raise InputError(f"{total} windows are more than a gallery holds (2^32); build several of fewer clips")
+        raise InputError(
+            f"{total} windows are more than a gallery holds (2^32); split the clips over several galleries"
+        )
     made = Index(
         tracks,
         np.empty(total, np.uint32),
         np.empty(total, np.uint8),
         np.empty(total, np.float32),
         np.empty((total, 2), np.uint16),
-        np.zeros(len(tracks.styles) * BINS * PAIRS + 1, np.uint32),
+        np.zeros(len(tracks.styles) * DISTANCE_BINS * SECTOR_PAIRS + 1, np.uint32),
     )
     sizes = np.zeros(len(made.cells) - 1, dtype=np.int64)
     at = 0
     for style in range(len(tracks.styles)):
         clips = np.nonzero(tracks.clip_styles == style)[0]
         keys = np.concatenate([np.zeros(0, np.uint64), *(_keys(tracks, clip) for clip in clips.tolist())])
-        keys.sort()
-        base = style * BINS * PAIRS
-        sizes[base : base + BINS * PAIRS] = np.bincount(
-            (keys >> np.uint64(40)).astype(np.int64), minlength=BINS * PAIRS
+        keys.sort()  # one integer sort orders the windows by cell, steps and start
+        base = style * DISTANCE_BINS * SECTOR_PAIRS
+        sizes[base : base + DISTANCE_BINS * SECTOR_PAIRS] = np.bincount(
+            (keys >> np.uint64(40)).astype(np.int64), minlength=DISTANCE_BINS * SECTOR_PAIRS
         )
-        for low in range(0, len(keys), SPAN):
-            part = keys[low : low + SPAN]
+        for low in range(0, len(keys), BUILD_BATCH):
+            part = keys[low : low + BUILD_BATCH]
             rows = slice(at, at + len(part))
             made.start[rows] = part & np.uint64(2**32 - 1)
             made.steps[rows] = (part >> np.uint64(32)) & np.uint64(255)
@@ -113,7 +114,7 @@ def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Inde
 
 
 def _keys(tracks: Tracks, clip: int) -> ndarray:
-    """For every window of a clip: cell, steps and start frame in one number, most significant first."""
+    """For every window of a clip, its cell, steps and start frame as one number, most significant first."""
     begin, end = (int(x) for x in tracks.ranges[clip])
     steps = np.arange(SHORTEST_WINDOW, min(LONGEST_WINDOW, end - begin - 1) + 1)
     if not len(steps):
@@ -131,33 +132,37 @@ def _keys(tracks: Tracks, clip: int) -> ndarray:
 
 
 def distance_bin(distance: Float32[ndarray, "*batch"]) -> Int[ndarray, "*batch"]:
-    """Which bin a distance is in; never falls as the distance grows."""
-    wide = np.log1p(distance.astype(float) / NEAR) / np.log(GROWTH)
-    return np.minimum(wide.astype(np.int64), BINS - 1)
+    """The bin of a distance in metres; monotonic."""
+    wide = np.log1p(distance.astype(float) / BIN_OFFSET) / np.log(BIN_GROWTH)
+    return np.minimum(wide.astype(np.int64), DISTANCE_BINS - 1)
 
 
 def best(index: Index, wanted: WindowQuery, count: int) -> FoundWindows:
-    """The ``count`` windows of the least error (equation 8), best first; the same as those of `scan.best`."""
+    """The ``count`` windows of the least error (equation 8), best first: the same as a full scan's.
+
+    The least possible error of each pair of facing bins is known. Pairs are read in that order until the worst of the
+    best so far beats every pair that is left, so nothing is missed.
+    """
     limit = wanted.limit
     found: list[FoundWindows] = []
     for floor, rows in _in_order(index, wanted, count):
         if floor > limit:
             break
-        found = [first_of(join([*found, *_read(index, wanted, rows, limit)]), count)]
+        found = [first_of(merged([*found, *_read(index, wanted, rows, limit)]), count)]
         if len(found[0]) == count:
             limit = int(found[0].error[-1])
     return found[0] if found else NO_WINDOWS
 
 
 def sample(index: Index, wanted: WindowQuery, count: int, generator: np.random.Generator) -> FoundWindows:
-    """Windows drawn at random, each once, of all within the threshold: ``count``, or all where there are fewer, in no
-    order."""
+    """``count`` windows drawn at random without replacement from all within the threshold, or all where there are
+    fewer; in no order."""
     limit = wanted.limit
     reads = [
         (rows, mirrored) for floor, both in _in_order(index, wanted, None) if floor <= limit for rows, mirrored in both
     ]
     total = sum(len(rows) for rows, _ in reads)
-    # Not all that is read fits: more is read until enough does, or all has been.
+    # Not every window that is read matches, so more are drawn until enough do or none is left.
     parts: list[FoundWindows] = []
     seen, draws = np.zeros(0, dtype=np.int64), count
     while len(seen) < total and sum(len(part) for part in parts) < count:
@@ -165,14 +170,14 @@ def sample(index: Index, wanted: WindowQuery, count: int, generator: np.random.G
         chosen = np.setdiff1d(chosen, seen)
         parts += _read_some(index, wanted, reads, chosen, limit)
         seen, draws = np.union1d(seen, chosen), 4 * draws
-    found = join(parts)
+    found = merged(parts)
     return found if len(found) <= count else select(found, generator.choice(len(found), count, replace=False))
 
 
 def _read_some(
     index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], chosen: Int[ndarray, "chosen"], limit: int
 ) -> Iterator[FoundWindows]:
-    """As :func:`_read`, but of all windows of the ranges those ``chosen`` only, ascending."""
+    """As :func:`_read`, but only the ``chosen`` windows, ascending numbers counted over all ranges."""
     ends = np.cumsum([len(rows) for rows, _ in reads])
     low = 0
     for (rows, mirrored), end, high in zip(reads, ends, np.searchsorted(chosen, ends), strict=True):
@@ -183,7 +188,7 @@ def _read_some(
 
 @dataclass(frozen=True, eq=False)
 class WindowRanges:
-    """Some ranges of windows: where each begins and how many there are."""
+    """Ranges of windows: the first of each, and how many it has."""
 
     first: Int[ndarray, "range"]
     size: Int[ndarray, "range"]
@@ -192,13 +197,13 @@ class WindowRanges:
         return int(self.size.sum())
 
     def all(self) -> Int[ndarray, "window"]:
-        """Every window of them."""
+        """Every window of the ranges."""
         ends = np.cumsum(self.size)
         total = int(ends[-1]) if len(ends) else 0
         return np.arange(total) + np.repeat(self.first - (ends - self.size), self.size)
 
     def take(self, which: Int[ndarray, "chosen"]) -> Int[ndarray, "chosen"]:
-        """The windows at those places, counted over all ranges."""
+        """The windows with those numbers, counted over all ranges."""
         ends = np.cumsum(self.size)
         in_range = np.searchsorted(ends, which, side="right")
         return self.first[in_range] + which - (ends - self.size)[in_range]
@@ -207,35 +212,35 @@ class WindowRanges:
 def _in_order(
     index: Index, wanted: WindowQuery, count: int | None
 ) -> Iterator[tuple[int, list[tuple[WindowRanges, int]]]]:
-    """Batches of ranges by the least error that they can hold: (that error, [(ranges, mirrored)]).
+    """Batches of ranges in the order of their least possible error: (that error, [(ranges, mirrored)]).
 
-    ``count``: how many windows are wanted, so that the first batch is likely enough; None gives all in one batch of
-    those within the threshold.
+    ``count``: windows wanted, from which the size of a batch follows; with None all within the threshold are one batch.
     """
     styles = np.arange(len(index.tracks.styles)) if wanted.styles is None else np.array(wanted.styles, dtype=np.int64)
     low, high = (int(b) for b in distance_bin(np.array(wanted.distance, dtype=np.float32)))
     if not len(styles) or wanted.distance[1] < wanted.distance[0]:
         return
-    # (style, bin) blocks of PAIRS cells each, and the windows in every cell.
-    blocks = ((styles[:, None] * BINS + np.arange(low, high + 1)) * PAIRS).reshape(-1)
-    at = blocks[:, None] + np.arange(PAIRS + 1)
+    # Blocks (style, bin) of SECTOR_PAIRS cells each, and the number of windows in every cell.
+    blocks = ((styles[:, None] * DISTANCE_BINS + np.arange(low, high + 1)) * SECTOR_PAIRS).reshape(-1)
+    at = blocks[:, None] + np.arange(SECTOR_PAIRS + 1)
     begins = index.cells[at].astype(np.int64)
     sizes = np.diff(begins, axis=1)
     share = (min(wanted.steps[1], LONGEST_WINDOW) - max(wanted.steps[0], SHORTEST_WINDOW) + 1) / WINDOW_LENGTHS
     expected = sizes.sum(axis=0) * share
+    # Cells are equal in error over styles and bins, so only the pairs of facing bins are ordered.
     floors = np.concatenate([_floors(wanted, mirrored) for mirrored in (0, 1)])
     order = np.argsort(floors, kind="stable")
     order = order[floors[order] <= wanted.limit]
-    upto = np.cumsum(expected[order % PAIRS])
+    upto = np.cumsum(expected[order % SECTOR_PAIRS])
     done, batch = 0, len(order)
     while done < len(order):
         if count is not None:
             before = upto[done - 1] if done else 0.0
-            batch = max(1, int(np.searchsorted(upto, before + max(2 * count, BATCH) * (1 + done / 64))) - done)
+            batch = max(1, int(np.searchsorted(upto, before + max(2 * count, READ_BATCH) * (1 + done / 64))) - done)
         some = order[done : done + batch]
         made = []
         for mirrored in (0, 1):
-            pairs = np.sort(some[some // PAIRS == mirrored] % PAIRS)
+            pairs = np.sort(some[some // SECTOR_PAIRS == mirrored] % SECTOR_PAIRS)
             first, size = begins[:, pairs].reshape(-1), sizes[:, pairs].reshape(-1)
             some_there = size > 0
             rows = _with_steps(index, first[some_there], size[some_there], wanted.steps)
@@ -245,12 +250,12 @@ def _in_order(
 
 
 def _floors(wanted: WindowQuery, mirrored: int) -> Int[ndarray, "pair"]:
-    """The least error that a window in each pair of sectors can have."""
+    """The least possible error of a window in each pair of sectors, in units of angle."""
     at_start, at_end = wanted.units(mirrored)
     edges = np.arange(SECTORS) * SECTOR
 
     def from_sector(begin: ndarray, width: int, angle: int) -> ndarray:
-        past = (angle - begin) % TURN  # how far the angle lies beyond the sector's beginning
+        past = (angle - begin) % TURN  # the angle, counted from the sector's beginning
         return np.where(past < width, 0, np.minimum(past - width + 1, TURN - past))
 
     if wanted.criterion == "turn":
@@ -262,7 +267,7 @@ def _floors(wanted: WindowQuery, mirrored: int) -> Int[ndarray, "pair"]:
 
 
 def _with_steps(index: Index, first: ndarray, size: ndarray, steps: tuple[int, int]) -> WindowRanges:
-    """The parts of the ranges whose windows have those steps; within a range the steps never fall."""
+    """The parts of the ranges whose windows have those steps, which ascend within each range."""
     if steps[0] <= SHORTEST_WINDOW and steps[1] >= LONGEST_WINDOW:
         return WindowRanges(first, size)
     begin = _search(index.steps, first, size, steps[0])
@@ -272,7 +277,8 @@ def _with_steps(index: Index, first: ndarray, size: ndarray, steps: tuple[int, i
 
 
 def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarray:
-    """For each sorted range of ``values``, the first place whose value is at least ``limit``; all ranges at once."""
+    """For each sorted range of ``values``, the first index with a value of at least ``limit``: a binary search of all
+    ranges at once."""
     low, high = first.copy(), first + size
     while True:
         open_ = low < high
@@ -287,7 +293,7 @@ def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarr
 def _read(
     index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], limit: int
 ) -> Iterator[FoundWindows]:
-    """The windows of the ranges that are as wanted, with errors of at most ``limit``."""
+    """The wanted windows of the ranges, with errors of at most ``limit``."""
     for ranges, mirrored in reads:
         rows = ranges.all()
         there = index.facing[rows]

@@ -1,12 +1,6 @@
 """Arbitrary trajectory matching (Chu and Yang 2024, section 4.2, Algorithm 1, equations 7 and 8).
 
-A query asks for a way from one place and facing on the ground to another. Windows as long as the query's own way are
-*direct* candidates once they are turned onto it. Where there are none within the error budget, the way is split: a
-window shorter than it is put first, judged by its start alone, and what is left is asked for again with what is left of
-the budget, five rounds deep at most. All parts lie on the query's straight line, so what is left of a query is a
-length, two facings, and the steps that remain.
-
-Which windows there are is asked through a :data:`Search`, so that the index and the plain scan can serve alike.
+Windows come from a :data:`Search`, so that Algorithm 1 does not depend on how they are found.
 """
 
 from __future__ import annotations
@@ -30,19 +24,19 @@ from interpose.gallery.windows import (
 )
 
 Search = Callable[[WindowQuery, int], FoundWindows]
-"""The windows wanted, so many at most, best first: `index.best` or `scan.best` of a gallery."""
+"""At most so many of the wanted windows, best first, such as `index.best` of a gallery."""
 
 IN_PLACE = 0.1
-"""Metres: where start and target are nearer than this the way has no direction, and the turn is matched instead."""
-LEAST = 0.03
-"""Metres: a part of a composition is at least this long."""
-FARTHEST = 100.0
-"""Metres of a query at most; six of the longest windows do not reach farther."""
+"""Metres between start and target below which v_p has no direction; then the turn is matched instead."""
+SHORTEST_PART = 0.03
+"""Metres: the least length of a part of a composition."""
+LONGEST_QUERY = 100.0
+"""Metres from start to target at most; six of the longest windows do not reach farther."""
 
 
 @dataclass(frozen=True)
 class Query:
-    """q = (o_s, o_e, v_p) with its place: start and target as (x, z, yaw), metres and radians."""
+    """q = (o_s, o_e, v_p) in the world: start and target as (x, z, yaw), metres and radians."""
 
     start: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -54,29 +48,29 @@ class Query:
 
     @property
     def heading(self) -> float:
-        """The yaw of v_p; of the start's facing where the query is in place."""
+        """The yaw of v_p; the start's facing where the query is in place."""
         if self.distance < IN_PLACE:
             return self.start[2]
         return float(np.arctan2(self.target[0] - self.start[0], self.target[1] - self.start[1]))
 
     @property
     def facing(self) -> tuple[float, float]:
-        """Both facings relative to v_p."""
+        """Both facings relative to v_p, radians."""
         return self.start[2] - self.heading, self.target[2] - self.heading
 
     @property
     def in_place(self) -> bool:
-        """Whether only the turn is matched."""
+        """Whether v_p has no direction, so that only the turn is matched."""
         return self.distance < IN_PLACE
 
 
 @dataclass(frozen=True)
 class MatchSettings:
-    """How far a match may be off, and how long it is searched for.
+    """How closely a match must fit, and how long the search for it may take.
 
-    tolerance: of the way's length, relative and in metres; what is left is scaled away. threshold: error budget alpha,
-    radians. branches: k of Algorithm 1. rounds: how often a way is split at most. searches: queries of one composition
-    at most, so that none takes for ever.
+    tolerance, least_tolerance: of the length of v_p, relative and in metres; the rest is scaled away. threshold: error
+    budget alpha, radians. branches: k of Algorithm 1. rounds: how often a query is split at most. searches: the most
+    searches of one composition.
     """
 
     tolerance: float = 0.03
@@ -92,7 +86,7 @@ MATCH_DEFAULTS = MatchSettings()
 
 @dataclass(frozen=True)
 class Window:
-    """A window of the gallery, as it lies or in the mirror."""
+    """A window of the gallery, as recorded or mirrored."""
 
     start: int
     steps: int
@@ -101,7 +95,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Trace:
-    """One answer: atomic trajectories in order, and their error: equation 7, with the facings' mismatch at joins."""
+    """A match: atomic trajectories in order, and their error (equation 7, with the mismatch of facings at joins)."""
 
     parts: tuple[Window, ...]
     error: float
@@ -115,14 +109,14 @@ class Trace:
 def window_query(
     query: Query, steps: tuple[int, int], styles: tuple[int, ...] | None, settings: MatchSettings = MATCH_DEFAULTS
 ) -> WindowQuery:
-    """What a direct candidate for a query must have."""
+    """The windows that are direct candidates for a query."""
     if query.in_place:
         return WindowQuery((0.0, 1.5 * IN_PLACE), query.facing, "turn", steps, styles, settings.threshold)
     return WindowQuery(band(query.distance, settings), query.facing, "both", steps, styles, settings.threshold)
 
 
 def band(distance: float, settings: MatchSettings = MATCH_DEFAULTS) -> tuple[float, float]:
-    """The lengths that pass for ``distance``."""
+    """The lengths of v_p, metres, that are accepted for ``distance``."""
     slack = max(settings.least_tolerance, settings.tolerance * distance)
     return max(0.0, distance - slack), distance + slack
 
@@ -135,7 +129,7 @@ def direct(
     styles: tuple[int, ...] | None = None,
     settings: MatchSettings = MATCH_DEFAULTS,
 ) -> list[Trace]:
-    """The ``count`` best direct candidates (Algorithm 1, lines 9 to 15), best first; empty where there is none."""
+    """The ``count`` best direct candidates (Algorithm 1, lines 9 to 15), best first."""
     return traces(search(window_query(query, steps, styles, settings), count))
 
 
@@ -149,12 +143,14 @@ def compose(
     styles: tuple[int, ...] | None = None,
     settings: MatchSettings = MATCH_DEFAULTS,
 ) -> Trace | None:
-    """Several windows, one after the other, for a query (Algorithm 1, lines 28 to 38); None where there are none.
+    """Several windows in a row for a query (Algorithm 1, lines 28 to 38); None where none are found.
 
-    ``distances``: the gallery's distribution of lengths, ascending, from which sub-distances are drawn. Equal
-    generators give equal answers, however ``search`` finds them.
+    A window shorter than the query comes first, judged by its start alone; the rest becomes a query of its own with the
+    rest of the error budget. All parts lie along the query's v_p, so that a rest is a length, two facings and steps.
+    ``distances``: the gallery's distribution of lengths, ascending, from which partial lengths are drawn. Equal
+    generators give equal results with any ``search``.
     """
-    if query.in_place or query.distance > FARTHEST:
+    if query.in_place or query.distance > LONGEST_QUERY:
         return None
     task = _Task(search, tracks, distances, generator, styles, settings)
     return task.solve(query.distance, query.facing, steps, settings.threshold, settings.rounds)
@@ -162,7 +158,7 @@ def compose(
 
 @dataclass(eq=False)
 class _Task:
-    """One composition under way; counts its searches."""
+    """One composition in progress, which counts its searches."""
 
     search: Search
     tracks: Tracks
@@ -175,13 +171,13 @@ class _Task:
     def solve(
         self, distance: float, facing: tuple[float, float], steps: tuple[int, int], budget: float, rounds: int
     ) -> Trace | None:
-        """TCS(M, q, alpha, k) for what is left of the query."""
+        """TCS(M, q, alpha, k) of Algorithm 1 for the rest of a query; ``budget``: its alpha, radians."""
         lengths = max(steps[0], SHORTEST_WINDOW), min(steps[1], LONGEST_WINDOW)
-        asked = WindowQuery(band(distance, self.settings), facing, "both", lengths, self.styles, budget)
+        wanted = WindowQuery(band(distance, self.settings), facing, "both", lengths, self.styles, budget)
         if self.searches >= self.settings.searches:
             return None
-        if rounds < self.settings.rounds:  # the whole query has been asked directly before
-            found = self._ask(asked, 8 * self.settings.branches)
+        if rounds < self.settings.rounds:  # the whole query has no direct candidates, or this would not run
+            found = self._find(wanted, 8 * self.settings.branches)
             if len(found):
                 return traces(found)[int(self.generator.integers(len(found)))]
         if rounds == 0 or steps[1] < 2 * SHORTEST_WINDOW or self.searches >= self.settings.searches:
@@ -189,13 +185,13 @@ class _Task:
         share = self._share(distance, steps, rounds)
         if share is None:
             return None
-        # A first part of about that share of the steps that may be left, so that the pace stays even.
+        # The first part takes about the same share of the steps as of the length, so that the pace stays even.
         paced = (
             max(SHORTEST_WINDOW, int(0.7 * share * steps[0])),
             min(LONGEST_WINDOW, int(np.ceil(1.3 * share * steps[1])), steps[1] - SHORTEST_WINDOW),
         )
-        first = replace(asked, distance=band(share * distance, self.settings), criterion="start", steps=paced)
-        found = self._ask(first, 16 * self.settings.branches)
+        first = replace(wanted, distance=band(share * distance, self.settings), criterion="start", steps=paced)
+        found = self._find(first, 16 * self.settings.branches)
         order = self.generator.permutation(len(found))[: self.settings.branches]
         branches = traces(select(found, order))
         for branch in branches:
@@ -204,7 +200,7 @@ class _Task:
             turned = float(to_radians(int(end[0]))) * (-1.0 if part.mirrored else 1.0)
             left = max(0, steps[0] - part.steps), steps[1] - part.steps
             rest = distance - float(length[0])
-            if rest < LEAST:
+            if rest < SHORTEST_PART:
                 continue
             trace = self.solve(rest, (turned, facing[1]), left, budget - branch.error, rounds - 1)
             if trace is not None:
@@ -213,15 +209,15 @@ class _Task:
                 return None
         return None
 
-    def _ask(self, asked: WindowQuery, count: int) -> FoundWindows:
+    def _find(self, wanted: WindowQuery, count: int) -> FoundWindows:
         self.searches += 1
-        return self.search(asked, count)
+        return self.search(wanted, count)
 
     def _share(self, distance: float, steps: tuple[int, int], rounds: int) -> float | None:
-        """The first part's share of the way, drawn from the gallery's lengths; None where no draw can lead there."""
-        least = max(LEAST, distance - rounds * self.distances[-1]) / distance
+        """The first part's share of the length, drawn from the gallery's lengths; None where no draw can succeed."""
+        least = max(SHORTEST_PART, distance - rounds * self.distances[-1]) / distance
         least = max(least, 1.0 - rounds * LONGEST_WINDOW / max(steps[0], 1)) if steps[0] > LONGEST_WINDOW else least
-        most = min(1.0 - LEAST / distance, self.distances[-1] / distance)
+        most = min(1.0 - SHORTEST_PART / distance, self.distances[-1] / distance)
         if least > most:
             return None
         low, high = np.searchsorted(self.distances, [least * distance, most * distance])

@@ -1,9 +1,7 @@
-"""Which of the many trajectories that fit a gap to take: the likeliest first, then others that truly differ from it.
+"""Which of the trajectories that match a gap to take: the likeliest first, then others that truly differ from it.
 
-The paper draws one at random. Here the windows of a random sample of all that fit are weighed (`weighing`). The first
-proposal is the window nearest to a hint, or to the weighted mean path: a real trajectory of the most usual kind. The
-others are the ones least like any chosen before, none a near copy. Where no single window fits, compositions are tried
-and those that wander least are taken. docs/method.md, D22, has what this is worth.
+The paper draws one at random; here the windows of a random sample are weighed. docs/gallery.md has how well that
+performs.
 """
 
 from __future__ import annotations
@@ -22,30 +20,39 @@ from interpose.gallery import matching, paths
 from interpose.gallery.matching import Query, Trace
 from interpose.gallery.speeds import Suggestion, check_speed, group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import NOTHING_KNOWN, SAMPLE, SKETCH, Costs, EndStates, Pool, gather, wandering
+from interpose.gallery.weighing import (
+    NOTHING_KNOWN,
+    SAMPLED_WINDOWS,
+    SKETCH,
+    Costs,
+    EndStates,
+    Pool,
+    detour_cost,
+    gather,
+)
 from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW, FoundWindows, select
 
-NEAR = 512
-"""Of these, the cheapest are what variants are chosen from."""
+VARIANT_POOL = 512
+"""Variants are chosen from so many of the cheapest windows."""
 STRETCH = 0.1
-"""How much faster or slower than it was walked a trajectory may be taken to fit a given time."""
+"""Share by which a trajectory may be faster or slower than recorded to take a given duration."""
 MOST_STRETCH = 0.5
-"""The same where nothing else fits."""
-FAVOUR = 0.5
-"""How much a variant's cost counts beside the logarithm of how much it differs."""
-HINTED = 0.1
-"""How much its cost counts beside the logarithm of how near to the hint the first is."""
-COMPOSED = 4
-"""Compositions tried beyond those still missing; the ones that wander least are taken."""
+"""The same where nothing else matches."""
+VARIANT_COST_WEIGHT = 0.5
+"""Weight of a variant's cost against the logarithm of its difference from the others."""
+HINT_COST_WEIGHT = 0.1
+"""Weight of the first one's cost against the logarithm of its distance from the hint."""
+SPARE_COMPOSITIONS = 4
+"""Compositions tried beyond the number still missing; the least winding ones are taken."""
 LONGEST_GAP = 600
-"""Steps of a path at most."""
+"""Most steps of a path, at 30 Hz."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A path for a gap: (time, 3) of x, z, yaw at 30 Hz with both ends.
+    """A path for a gap: x, z (metres) and yaw (radians) at 30 Hz, both ends included.
 
-    style: that it was walked in. fit: 1 for a perfect match, 1 / (1 + cost). composed: of several windows.
+    style: that of the recording. fit: 1 / (1 + cost), 1 for a perfect match.
     """
 
     path: Float[ndarray, "time 3"]
@@ -60,15 +67,16 @@ class Proposal:
 
     @property
     def composed(self) -> bool:
+        """Whether it consists of several windows."""
         return len(self.trace.parts) > 1
 
 
 @dataclass(frozen=True)
 class PathRequest:
-    """What is asked of the paths. Raises InputError for demands that contradict one another.
+    """What is requested of the paths of a gap.
 
-    steps: frames from start to target at 30 Hz; None lets the gallery suggest. speed: fast, medium or slow, in place of
-    steps. style: one of the gallery's, or None.
+    steps: from start to target at 30 Hz; None lets the gallery suggest them. speed: fast, medium or slow, instead of
+    steps. style: one of the gallery's, or None for any. Raises InputError for both steps and a speed.
     """
 
     steps: int | None = None
@@ -77,49 +85,53 @@ class PathRequest:
 
     def __post_init__(self) -> None:
         if self.speed is not None and self.steps is not None:
-            raise InputError(f"speed '{self.speed}' and a number of frames were both asked for; give one of them")
+            raise InputError(f"speed '{self.speed}' and a number of frames are both given; give one of them")
 
 
 class Unreachable(InputError):
-    """No trajectory of the gallery, nor several together, serves the query; the message names the nearest that does."""
+    """No trajectory of the gallery, nor several in a row, matches the query; the message names the nearest that
+    does."""
 
 
 def propose(
     gallery: Gallery,
     query: Query,
-    asked: PathRequest,
+    request: PathRequest,
     ends: EndStates = NOTHING_KNOWN,
     *,
     count: int = 1,
     seed: int = 0,
     hint: Float[ndarray, "time 3"] | None = None,
 ) -> list[Proposal]:
-    """``count`` different paths at most for a query, the likeliest first; with equal seeds the same.
+    """At most ``count`` different paths for a query, the likeliest first. Equal seeds give equal paths.
 
-    hint: a path that the first is to be near to; without it, the weighted mean path of all that fit.
-    Without ``asked.steps`` the first takes the suggested time and the others times of their own within the range asked
-    for. Raises :class:`Unreachable` where there is none, with the nearest that can be had; InputError for a style that
-    the gallery lacks, an unknown speed, and places that are not finite.
+    The first is the window nearest to ``hint`` (a path, x, z, yaw), or to the weighted mean of all that match: a real
+    trajectory of the most usual kind. The others are the least like any chosen before, none a near copy. Where no
+    single window matches, compositions are tried. Without ``request.steps`` the first takes the suggested duration, the
+    others their own within the requested range.
+
+    Raises :class:`Unreachable` where nothing matches, naming the nearest that does; InputError for a style that the
+    gallery lacks, an unknown speed, and positions that are not finite.
     """
-    styles = gallery.style_indices(asked.style)
-    _check(query, asked)
+    styles = gallery.style_indices(request.style)
+    _check(query, request)
     draw = np.random.default_rng(seed)
-    if asked.steps is not None:
-        low, high = _around(asked.steps, STRETCH)
-        pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=asked.steps)
-        made = _from_pool(gallery, query, ends, pool, count, [asked.steps] * count, hint=hint)
+    if request.steps is not None:
+        low, high = _around(request.steps, STRETCH)
+        pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=request.steps)
+        made = _from_pool(gallery, query, ends, pool, count, [request.steps] * count, hint=hint)
         if len(made) < count:
-            made += _composed(gallery, query, ends, asked.steps, styles, count - len(made), draw, before=made)
-        return made or _stretched(gallery, query, ends, asked.steps, styles, count, draw, hint)
+            made += _composed(gallery, query, ends, request.steps, styles, count - len(made), draw, before=made)
+        return made or _stretched(gallery, query, ends, request.steps, styles, count, draw, hint)
     pool = gather(gallery, query, ends, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw)
     if not len(pool):
-        made = _composed(gallery, query, ends, None, styles, count, draw, speed=asked.speed)
+        made = _composed(gallery, query, ends, None, styles, count, draw, speed=request.speed)
         return made or _unreachable(gallery, query, None, styles)
-    told = suggest(pool.found.steps, pool.weights)
-    inside = np.abs(np.log2(pool.found.steps / told.steps)) <= 1.0
-    frames = told.steps
-    if asked.speed is not None:
-        chosen = group_of(told, asked.speed)
+    suggested = suggest(pool.found.steps, pool.weights)
+    inside = np.abs(np.log2(pool.found.steps / suggested.steps)) <= 1.0
+    frames = suggested.steps
+    if request.speed is not None:
+        chosen = group_of(suggested, request.speed)
         inside = (pool.found.steps >= chosen.fewest) & (pool.found.steps <= chosen.most)
         frames = chosen.steps
     near = np.abs(np.log(pool.found.steps / frames)) <= STRETCH
@@ -132,7 +144,7 @@ def propose(
 def suggestion(
     gallery: Gallery, query: Query, ends: EndStates = NOTHING_KNOWN, style: str | None = None, seed: int = 0
 ) -> Suggestion:
-    """How many steps the way would take, and what fast, medium and slow would mean. Raises as :func:`propose`."""
+    """How many steps a path would take, and what fast, medium and slow mean for it. Raises as :func:`propose`."""
     _check(query, PathRequest(style=style))
     draw = np.random.default_rng(seed)
     styles = gallery.style_indices(style)
@@ -153,10 +165,10 @@ def _from_pool(
     before: Sequence[Proposal] = (),
     hint: Float[ndarray, "time 3"] | None = None,
 ) -> list[Proposal]:
-    """The likeliest of a pool, and then the most different ones; those chosen ``before`` count among them."""
+    """The likeliest path of a pool, then the most different ones; those chosen ``before`` count as chosen."""
     if not len(pool) or count < 1:
         return []
-    cheap = pool.take(np.argsort(pool.cost, kind="stable")[:NEAR])
+    cheap = pool.take(np.argsort(pool.cost, kind="stable")[:VARIANT_POOL])
     made = list(before)
     taken = [_sketch_of(query, proposal) for proposal in before]
     while len(made) - len(before) < count:
@@ -171,7 +183,7 @@ def _from_pool(
             if not apart.any():
                 break
             with np.errstate(divide="ignore"):
-                row = int(np.argmax(np.log(apart) - FAVOUR * cheap.cost))
+                row = int(np.argmax(np.log(apart) - VARIANT_COST_WEIGHT * cheap.cost))
         (trace,) = matching.traces(select(cheap.found, np.array([row])))
         made.append(_proposal(gallery, query, ends, trace, wanted, float(cheap.misfit[row])))
         taken.append((cheap.sketch[row], made[-1].steps))
@@ -179,17 +191,17 @@ def _from_pool(
 
 
 def _likeliest(query: Query, pool: Pool, cheap: Pool, hint: Float[ndarray, "time 3"] | None) -> int:
-    """Which of the ``cheap`` windows is nearest to the hint, or to the weighted mean of all."""
+    """The row of the ``cheap`` window nearest to the hint, or to the weighted mean of the pool."""
     if hint is None:
         mean = np.tensordot(pool.weights / pool.weights.sum(), pool.sketch, axes=1)
         return int(np.argmin(np.linalg.norm(cheap.sketch - mean, axis=-1).mean(axis=-1)))
     wanted = paths.retime(hint, len(SKETCH) - 1)[:, :2] - np.array(query.start[:2])
     away = np.linalg.norm(cheap.sketch - wanted, axis=-1).mean(axis=-1)
-    return int(np.argmin(np.log(away + 0.02) + HINTED * cheap.cost))
+    return int(np.argmin(np.log(away + 0.02) + HINT_COST_WEIGHT * cheap.cost))
 
 
 def _overlap(found: FoundWindows, traces: list[Trace]) -> Bool[ndarray, "window"]:
-    """Which windows are mostly the same moments as one chosen before, as they lie or in the mirror."""
+    """Which windows share more than half of their frames, and the side, with one chosen before."""
     same = np.zeros(len(found), dtype=bool)
     for part in (part for trace in traces for part in trace.parts):
         common = np.minimum(found.start + found.steps, part.start + part.steps) - np.maximum(found.start, part.start)
@@ -209,13 +221,14 @@ def _difference(
     sketch: Float[ndarray, "time 2"],
     steps: int,
 ) -> Float[ndarray, "window"]:
-    """How unlike each path is to one chosen before: mean distance of the two, and the times' ratio as a length."""
+    """How much each path differs from one chosen before, metres: their mean distance, plus the logarithm of their
+    durations' ratio times a quarter of the query's distance."""
     away = np.linalg.norm(sketches - sketch, axis=-1).mean(axis=-1)
     return away + 0.25 * max(query.distance, 0.5) * np.abs(np.log(times / steps))
 
 
 def _near_copy(query: Query) -> float:
-    """Metres below which a path is no variant of another."""
+    """The difference in metres below which two paths are the same variant."""
     return 0.04 + 0.015 * query.distance
 
 
@@ -240,24 +253,25 @@ def _composed(
     speed: str | None = None,
     before: Sequence[Proposal] = (),
 ) -> list[Proposal]:
-    """Paths of several windows that differ from one another and from those chosen ``before``; few or none where few or
-    none are found."""
+    """At most ``count`` composed paths that differ from one another and from those chosen ``before``."""
     allowed = (2 * SHORTEST_WINDOW, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
     if allowed[1] < 2 * SHORTEST_WINDOW:
         return []
     found: list[Proposal] = []
     failed = 0
-    for _ in range(COMPOSED + count):
+    for _ in range(SPARE_COMPOSITIONS + count):
         trace = matching.compose(gallery.search, gallery.tracks, gallery.distances, query, draw, allowed, styles)
         if trace is None:
             failed += 1
-            if found or before or failed == COMPOSED:
+            if found or before or failed == SPARE_COMPOSITIONS:
                 break
             continue
         one = _proposal(gallery, query, ends, trace, steps, 0.0)
-        way, _ = _sketch_of(query, one)
+        sketch, _ = _sketch_of(query, one)
         yaw = one.path[np.round(SKETCH * one.steps).astype(int), 2]
-        cost = 0.5 * ((trace.error / Costs().facing) ** 2 + float(wandering(query, way[None], yaw[None], Costs())[0]))
+        cost = 0.5 * (
+            (trace.error / Costs().facing) ** 2 + float(detour_cost(query, sketch[None], yaw[None], Costs())[0])
+        )
         found.append(replace(one, fit=1.0 / (1.0 + cost)))
     if speed is not None and found:
         chosen = group_of(suggest(np.array([one.steps for one in found]), np.ones(len(found))), speed)
@@ -280,7 +294,7 @@ def _stretched(
     draw: np.random.Generator,
     hint: Float[ndarray, "time 3"] | None,
 ) -> list[Proposal]:
-    """Paths walked in other times and retimed, where none was walked in that time."""
+    """Paths of other durations, retimed, where none has the requested one."""
     low, high = _around(steps, MOST_STRETCH)
     pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=steps)
     made = _from_pool(gallery, query, ends, pool, count, [steps] * count, hint=hint)
@@ -292,38 +306,40 @@ def _around(steps: int, share: float) -> tuple[int, int]:
 
 
 def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tuple[int, ...] | None) -> list[Proposal]:
-    """Raises :class:`Unreachable` with the nearest that can be served."""
-    way = f"{query.distance:.2f} m"
+    """Raises :class:`Unreachable`, naming the nearest query that can be served."""
+    length = f"{query.distance:.2f} m"
     if steps is None:
         most = matching.MATCH_DEFAULTS.rounds + 1
-        reach = min(gallery.distances[-1] * most, matching.FARTHEST)
+        reach = min(gallery.distances[-1] * most, matching.LONGEST_QUERY)
         if query.distance < reach:
             raise Unreachable(
-                f"no trajectory of the gallery, nor {most} in a row, leads {way} from start to "
+                f"no trajectory of the gallery, nor {most} in a row, covers {length} from start to "
                 f"target with these facings; turn one of the keys, or set a key in between"
             )
         raise Unreachable(
-            f"no trajectory of the gallery, nor {most} in a row, leads {way} from start to "
+            f"no trajectory of the gallery, nor {most} in a row, covers {length} from start to "
             f"target; the farthest within reach is about {reach:.0f} m; set a key in between"
         )
     draw = np.random.default_rng(0)
-    asked = matching.window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), styles)
-    lengths = indexing.sample(gallery.index, asked, SAMPLE, draw).steps
+    wanted = matching.window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), styles)
+    lengths = indexing.sample(gallery.index, wanted, SAMPLED_WINDOWS, draw).steps
     if not len(lengths):
         lengths = np.array([one.steps for one in _composed(gallery, query, NOTHING_KNOWN, None, styles, 3, draw)])
-    took = f"{way} in {steps} frames ({steps / RATE:.1f} s at 30 Hz)"
+    covered = f"{length} in {steps} frames ({steps / RATE:.1f} s at 30 Hz)"
     if not len(lengths):
-        raise Unreachable(f"no trajectory of the gallery covers {took}, nor that way in any time; set a key in between")
+        raise Unreachable(
+            f"no trajectory of the gallery covers {covered}, or that distance at all; set a key in between"
+        )
     nearest = int(lengths[np.argmin(np.abs(np.log(lengths / steps)))])
     raise Unreachable(
-        f"no trajectory of the gallery covers {took}; the nearest takes {nearest} frames ({nearest / RATE:.1f} s)"
+        f"no trajectory of the gallery covers {covered}; the nearest takes {nearest} frames ({nearest / RATE:.1f} s)"
     )
 
 
-def _check(query: Query, asked: PathRequest) -> None:
+def _check(query: Query, request: PathRequest) -> None:
     if not np.isfinite([*query.start, *query.target]).all():
-        raise InputError("start or target is not a finite place on the ground; give poses without NaN")
-    if asked.steps is not None and not 1 <= asked.steps <= LONGEST_GAP:
-        raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {asked.steps}")
-    if asked.speed is not None:
-        check_speed(asked.speed)
+        raise InputError("start or target is not a finite position on the ground; give poses without NaN")
+    if request.steps is not None and not 1 <= request.steps <= LONGEST_GAP:
+        raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {request.steps}")
+    if request.speed is not None:
+        check_speed(request.speed)

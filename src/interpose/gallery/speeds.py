@@ -1,8 +1,6 @@
-"""How long a way takes: a suggestion, and three groups of durations named fast, medium and slow.
+"""How long a path takes: a suggested duration, and three groups of durations named fast, medium and slow.
 
-Chu and Yang 2024, section 4.2: the candidates' numbers of frames are put into three groups of least variance by
-k-means. Each candidate counts by its weight. The suggestion is the weighted median of all; a group's own is that of the
-group, and its share of the weight says how well it fits.
+Chu and Yang 2024, section 4.2: k-means puts the candidates' numbers of frames into three groups of least variance.
 """
 
 from __future__ import annotations
@@ -18,15 +16,15 @@ from scipy.cluster.vq import ClusterError, kmeans2
 from interpose.errors import InputError
 
 SPEEDS = ("fast", "medium", "slow")
-_NAMES = {1: ("medium",), 2: ("fast", "slow"), 3: SPEEDS}
-_POINTS = 512
-"""Durations, drawn evenly by weight, that are put into groups."""
+_SPEED_NAMES = {1: ("medium",), 2: ("fast", "slow"), 3: SPEEDS}
+_DURATION_POINTS = 512
+"""Durations, taken at equal steps of the cumulative weight, that are clustered."""
 
 
 @dataclass(frozen=True)
 class SpeedGroup:
-    """Durations of one speed: their weighted median, the fewest and the most, in steps of 1/30 s; fit: the share of the
-    weight that they have."""
+    """Durations of one speed. steps, fewest, most: their weighted median and range, in steps of 1/30 s. fit: their
+    share of the weight."""
 
     speed: str
     steps: int
@@ -37,36 +35,35 @@ class SpeedGroup:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """How many steps of 1/30 s to take, and the alternatives, the fastest first. Fewer than three where there are fewer
-    different durations."""
+    """A duration in steps of 1/30 s, the weighted median, and up to three alternatives, fastest first."""
 
     steps: int
     groups: tuple[SpeedGroup, ...]
 
 
 def suggest(steps: Int[ndarray, "candidate"], weights: Float[ndarray, "candidate"]) -> Suggestion:
-    """The suggestion that weighted candidates make; at least one candidate must have a weight."""
+    """The suggestion from the candidates' durations; at least one must have a weight above 0."""
     order = np.argsort(steps, kind="stable")
     steps, share = steps[order].astype(int), np.cumsum(weights[order]) / weights.sum()
-    at = (np.arange(_POINTS) + 0.5) / _POINTS
+    at = (np.arange(_DURATION_POINTS) + 0.5) / _DURATION_POINTS
     points = steps[np.minimum(np.searchsorted(share, at), len(steps) - 1)]
     label = _labels(points)
     groups = []
     used = np.unique(label)
-    for name, each in zip(_NAMES[len(used)], used, strict=True):
+    for name, each in zip(_SPEED_NAMES[len(used)], used, strict=True):
         mine = points[label == each]
         groups.append(
-            SpeedGroup(name, int(mine[(len(mine) - 1) // 2]), int(mine[0]), int(mine[-1]), len(mine) / _POINTS)
+            SpeedGroup(name, int(mine[(len(mine) - 1) // 2]), int(mine[0]), int(mine[-1]), len(mine) / _DURATION_POINTS)
         )
-    return Suggestion(int(points[(_POINTS - 1) // 2]), tuple(groups))
+    return Suggestion(int(points[(_DURATION_POINTS - 1) // 2]), tuple(groups))
 
 
 def _labels(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
-    """k-means, begun from spread-out durations so that the answer does not depend on a draw."""
+    """k-means, started from evenly spread durations so that it does not depend on a random draw."""
     different = np.unique(points)
     for count in range(min(len(SPEEDS), len(different)), 1, -1):
         begin = different[((np.arange(count) + 0.5) / count * len(different)).astype(int)]
-        with suppress(ClusterError):  # a group that has lost all its points: fewer groups are enough
+        with suppress(ClusterError):  # a group lost all its points: try fewer groups
             return kmeans2(
                 points[:, None].astype(float), begin[:, None].astype(float), 100, minit="matrix", missing="raise"
             )[1]
@@ -74,16 +71,14 @@ def _labels(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
 
 
 def check_speed(speed: str) -> None:
-    """Raises InputError for what is none of the three words."""
+    """Raises InputError for anything but fast, medium or slow."""
     if speed not in SPEEDS:
-        raise InputError(f"unknown speed '{speed}'; there are {', '.join(SPEEDS)}")
+        raise InputError(f"unknown speed '{speed}'; use {', '.join(SPEEDS)}")
 
 
 def group_of(suggestion: Suggestion, speed: str) -> SpeedGroup:
-    """The group of a speed; where there are fewer groups, the fastest or the slowest there is.
-
-    Raises InputError for another word.
-    """
+    """The group of a speed; where there are fewer groups, the fastest or the slowest of them. Raises InputError as
+    :func:`check_speed`."""
     check_speed(speed)
     by_name = {group.speed: group for group in suggestion.groups}
     if speed in by_name:

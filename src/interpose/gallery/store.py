@@ -1,10 +1,4 @@
-"""Galleries on disk: a folder of arrays that are mapped into memory, and the small form that travels with a model.
-
-    folder            meta.json, tracks and index as .npy files, memory-mapped; made by `interpose gallery build`
-    gallery.npz       the tracks alone, with the same facts; the index is worked out when it is loaded
-
-`meta.json` is written last and the folder put in place whole.
-"""
+"""Galleries on disk: a folder of memory-mapped arrays, or one small file that is bundled with a model."""
 
 from __future__ import annotations
 
@@ -28,19 +22,19 @@ from interpose.features import RATE
 from interpose.gallery import index as indexing
 from interpose.gallery.index import Index, Progress
 from interpose.gallery.matching import Search
-from interpose.gallery.tracks import POSTURE, Tracks, from_database
+from interpose.gallery.tracks import POSTURE_SIZE, Tracks, from_database
 from interpose.io.files import write_whole
 
-VERSION = 1
-META = "meta.json"
+GALLERY_VERSION = 1
+META_FILE = "meta.json"
 QUANTILES = 1024
-_TRACKS: dict[str, tuple[tuple[int, ...], type]] = {
+_TRACK_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "root": ((3,), np.float32),
-    "posture": ((POSTURE,), np.float16),
+    "posture": ((POSTURE_SIZE,), np.float16),
     "ranges": ((2,), np.int64),
     "clip_styles": ((), np.int64),
 }
-_INDEX: dict[str, tuple[tuple[int, ...], type]] = {
+_INDEX_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "start": ((), np.uint32),
     "steps": ((), np.uint8),
     "distance": ((), np.float32),
@@ -51,7 +45,7 @@ _INDEX: dict[str, tuple[tuple[int, ...], type]] = {
 
 @dataclass(frozen=True, eq=False)
 class Gallery:
-    """A gallery, ready to be searched. info: what it was made from (`made_from`), its `licence`, and its sizes."""
+    """A gallery that is ready to search. info: `made_from`, `licence`, and sizes."""
 
     index: Index
     info: dict[str, Any] = field(default_factory=dict)
@@ -62,32 +56,32 @@ class Gallery:
 
     @property
     def styles(self) -> tuple[str, ...]:
-        """The styles that its trajectories were walked in."""
+        """The styles of its trajectories."""
         return self.tracks.styles
 
     @property
     def search(self) -> Search:
-        """The k best windows by the index."""
+        """The best windows by the index."""
         return partial(indexing.best, self.index)
 
     @cached_property
     def distances(self) -> Float[ndarray, "quantile"]:
-        """The distribution of the windows' lengths, ascending, metres."""
+        """Quantiles of the length of v_p over all windows, ascending, metres."""
         step = max(1, len(self.index) // (64 * QUANTILES))
         return np.quantile(self.index.distance[::step].astype(float), np.linspace(0.0, 1.0, QUANTILES))
 
     @cached_property
     def fastest(self) -> float:
-        """Metres a step of the fastest way of at least a second, but for one in a thousand windows."""
+        """Metres a step of the fastest windows of at least a second (their 99.9th percentile)."""
         step = max(1, len(self.index) // (64 * QUANTILES))
         steps = self.index.steps[::step].astype(float)
         pace = (self.index.distance[::step] / steps)[steps >= min(RATE, steps.max())]
         return float(np.quantile(pace, 0.999))
 
     def style_indices(self, style: str | None) -> tuple[int, ...] | None:
-        """What :class:`~interpose.gallery.windows.WindowQuery` takes for a style; None leaves it free.
+        """The style as indices for :class:`~interpose.gallery.windows.WindowQuery`; None for any style.
 
-        Raises InputError for a style that no trajectory here was walked in.
+        Raises InputError for a style that no trajectory has.
         """
         if style is None:
             return None
@@ -99,15 +93,15 @@ class Gallery:
 def of_tracks(
     tracks: Tracks, info: dict[str, Any] | None = None, progress: Progress = lambda done, total: None
 ) -> Gallery:
-    """A gallery in memory. Raises InputError where no clip is long enough."""
+    """The gallery of some tracks. Raises InputError where no clip is long enough."""
     return Gallery(indexing.build(tracks, progress), info or {})
 
 
 def build(database: Database, out: Path, part: str = "all", progress: Progress = lambda done, total: None) -> Gallery:
-    """Writes the folder ``out``, whole or not at all, and gives the gallery in it.
+    """Builds the gallery of a database, writes it to the folder ``out``, and returns it.
 
-    part: 'all' of the database, or 'train' without the ends of the clips that trainings hold out. Raises InputError for
-    another part, where no clip is long enough, and where ``out`` is there and is no gallery or cannot be written.
+    part: 'all' of the database, or 'train' without the ends of clips that trainings hold out. Raises InputError for
+    another part, where no clip is long enough, and where ``out`` is not a gallery or cannot be written.
     """
     if part not in ("all", "train"):
         raise InputError(f"unknown part '{part}' of a database; use all or train")
@@ -120,13 +114,13 @@ def build(database: Database, out: Path, part: str = "all", progress: Progress =
 
 
 def save(gallery: Gallery, out: Path) -> None:
-    """Writes the folder of a gallery; one that was there stays whole until the new one is.
+    """Writes a gallery to a folder, whole or not at all; an existing gallery is replaced once the new one is complete.
 
-    Raises InputError where ``out`` is there and is no gallery or cannot be written.
+    Raises InputError where ``out`` exists but is not a gallery, or cannot be written.
     """
     _check_free(out)
     meta = {
-        "version": VERSION,
+        "version": GALLERY_VERSION,
         "styles": gallery.styles,
         "frames": len(gallery.tracks),
         "windows": len(gallery.index),
@@ -137,10 +131,10 @@ def save(gallery: Gallery, out: Path) -> None:
     before = out.with_name(f".{out.name}.{os.getpid()}.before")
     try:
         temporary.mkdir(parents=True)
-        for names, owner in ((_TRACKS, gallery.tracks), (_INDEX, gallery.index)):
+        for names, owner in ((_TRACK_ARRAYS, gallery.tracks), (_INDEX_ARRAYS, gallery.index)):
             for name in names:
                 np.save(temporary / f"{name}.npy", getattr(owner, name))
-        (temporary / META).write_text(json.dumps(meta, indent=1, ensure_ascii=False), encoding="utf-8")
+        (temporary / META_FILE).write_text(json.dumps(meta, indent=1, ensure_ascii=False), encoding="utf-8")
         if out.exists():
             out.rename(before)
         temporary.rename(out)
@@ -155,39 +149,41 @@ def save(gallery: Gallery, out: Path) -> None:
 
 def _check_free(out: Path) -> None:
     # A prepared database has a meta.json too.
-    if out.exists() and not ((out / META).exists() and (out / "cells.npy").exists()):
-        raise InputError(f"{out} is there and is no gallery; give another name")
+    if out.exists() and not ((out / META_FILE).exists() and (out / "cells.npy").exists()):
+        raise InputError(f"{out} exists but is not a gallery; give another name")
 
 
 def load(path: Path) -> Gallery:
-    """The gallery of a folder, or of a `gallery.npz`. Raises InputError where there is none, or one that is damaged."""
+    """Reads a gallery from a folder or a `gallery.npz`. Raises InputError where there is none, or it is damaged."""
     if path.suffix == ".npz":
         return _load_small(path)
     try:
-        meta = json.loads((path / META).read_text(encoding="utf-8"))
+        meta = json.loads((path / META_FILE).read_text(encoding="utf-8"))
         styles = tuple(str(style) for style in meta["styles"])
         version = meta["version"]
     except (FileNotFoundError, NotADirectoryError):
-        raise InputError(f"{path} is no gallery: it has no {META}; make one with 'interpose gallery build'") from None
+        raise InputError(f"{path} is not a gallery: it has no {META_FILE}; use 'interpose gallery build'") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path / META} cannot be read ({error!r}); build the gallery again") from None
-    if version != VERSION:
-        raise InputError(f"{path} has version {version}, this program needs {VERSION}; build the gallery again")
-    arrays, held = ({name: _map(path / f"{name}.npy", *kinds[name]) for name in kinds} for kinds in (_TRACKS, _INDEX))
+        raise InputError(f"{path / META_FILE} cannot be read ({error!r}); build the gallery again") from None
+    if version != GALLERY_VERSION:
+        raise InputError(f"{path} has version {version}, this program needs {GALLERY_VERSION}; build the gallery again")
+    arrays, held = (
+        {name: _map(path / f"{name}.npy", *kinds[name]) for name in kinds} for kinds in (_TRACK_ARRAYS, _INDEX_ARRAYS)
+    )
     tracks = _tracks(arrays, styles, path)
     windows = len(held["start"])
     fit = all(len(held[name]) == windows for name in ("steps", "distance", "facing"))
-    cells = len(styles) * indexing.BINS * indexing.PAIRS + 1
+    cells = len(styles) * indexing.DISTANCE_BINS * indexing.SECTOR_PAIRS + 1
     if not fit or len(held["cells"]) != cells or held["cells"][-1] != windows:
         raise InputError(f"the files of the gallery {path} do not fit together; build it again")
     return Gallery(Index(tracks, **held), meta)
 
 
 def save_small(tracks: Tracks, info: dict[str, Any], out: Path) -> None:
-    """Writes the form that travels with a model: tracks and facts, no index."""
+    """Writes the small file that is bundled with a model: the tracks, whose index is rebuilt on loading."""
     held = io.BytesIO()
-    facts = json.dumps({"version": VERSION, "styles": tracks.styles, **info}, ensure_ascii=False)
-    np.savez_compressed(held, meta=np.array(facts), **{name: getattr(tracks, name) for name in _TRACKS})
+    facts = json.dumps({"version": GALLERY_VERSION, "styles": tracks.styles, **info}, ensure_ascii=False)
+    np.savez_compressed(held, meta=np.array(facts), **{name: getattr(tracks, name) for name in _TRACK_ARRAYS})
     write_whole(out, held.getvalue())
 
 
@@ -195,16 +191,16 @@ def _load_small(path: Path) -> Gallery:
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             meta = json.loads(str(held["meta"]))
-            arrays = {name: held[name] for name in _TRACKS}
+            arrays = {name: held[name] for name in _TRACK_ARRAYS}
         styles = tuple(str(style) for style in meta["styles"])
         version = meta["version"]
     except FileNotFoundError:
         raise InputError(f"{path}: no such gallery; make one with 'interpose gallery build'") from None
     except Exception as error:  # a damaged archive can make zipfile, zlib and numpy raise anything
-        raise InputError(f"{path} is no gallery ({error}); make one with 'interpose gallery build'") from None
-    if version != VERSION:
-        raise InputError(f"{path} has version {version}, this program needs {VERSION}; export the model again")
-    for name, (row, kind) in _TRACKS.items():
+        raise InputError(f"{path} is not a gallery ({error}); make one with 'interpose gallery build'") from None
+    if version != GALLERY_VERSION:
+        raise InputError(f"{path} has version {version}, this program needs {GALLERY_VERSION}; export the model again")
+    for name, (row, kind) in _TRACK_ARRAYS.items():
         _check_kind(arrays[name], row, kind, f"{name} of {path}")
     return of_tracks(_tracks(arrays, styles, path), meta)
 

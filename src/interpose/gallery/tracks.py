@@ -1,13 +1,6 @@
-"""What a gallery searches: the root track of every frame of some clips, and a few points of the body beside it.
+"""What a gallery searches: the root's track of every frame of its clips, and the posture at each frame.
 
-A *track* row is (x, z, yaw): where the hips stand on the ground in metres and the twist of the hips about the vertical
-in radians, unwrapped within a clip. It is the root that the network sees (`interpose.features`), not the smoothed one
-of `interpose.data.root.trajectory`: a lone key pose has no neighbours to be smoothed with, and a path that sways as
-walking does is what the network was trained on.
-
-A *posture* is the height of the hips and the place of head, hands and feet in the root's own frame, for telling how
-alike two poses are. Seen in a mirror, a track turns the other way and a posture exchanges its sides; nothing mirrored
-is stored.
+Nothing mirrored is stored: in a mirror, x and yaw of a track change their signs and a posture swaps its sides.
 """
 
 from __future__ import annotations
@@ -26,24 +19,26 @@ from interpose.features import RATE
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
-POINTS = ("Head", "LeftHand", "RightHand", "LeftToe", "RightToe")
-POSTURE = 1 + 3 * len(POINTS)
-"""Numbers of a posture: the hips' height, then x, y, z of each point."""
-HARDEST = 60.0
-"""m/s^2: a root that accelerates more has jumped, which happens in captures, and nobody is to follow it."""
-QUICKEST = 20.0
-"""rad/s: a facing that turns faster has lost its direction, as that of a body that rolls over does."""
-_INDICES = [HUMANOID.index(name) for name in POINTS]
-_SWAPPED = np.array([0, *(1 + 3 * p + c for p in (0, 2, 1, 4, 3) for c in range(3))])
-_SIGNS = np.array([1.0, *([-1.0, 1.0, 1.0] * len(POINTS))])
+POSTURE_POINTS = ("Head", "LeftHand", "RightHand", "LeftToe", "RightToe")
+POSTURE_SIZE = 1 + 3 * len(POSTURE_POINTS)
+"""Length of a posture: the hips' height, then x, y, z of each point."""
+MOST_ACCELERATION = 60.0
+"""m/s^2: a root that accelerates more has jumped, which happens in captures; no path should follow it."""
+MOST_TURN_RATE = 20.0
+"""rad/s: a facing that turns faster has lost its direction, as when a body rolls over."""
+_POINT_JOINTS = [HUMANOID.index(name) for name in POSTURE_POINTS]
+_MIRROR_ORDER = np.array([0, *(1 + 3 * p + c for p in (0, 2, 1, 4, 3) for c in range(3))])
+_MIRROR_SIGNS = np.array([1.0, *([-1.0, 1.0, 1.0] * len(POSTURE_POINTS))])
 
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Root tracks of clips that follow one another without gaps.
+    """Root tracks of clips, one after another.
 
-    root: x, z, yaw. posture: see the module's text. ranges: frames [start, stop) of each clip. clip_styles: index into
-    ``styles`` of each clip.
+    root: x, z of the hips on the ground, metres, and the twist of the hips about the vertical, radians, unwrapped
+    within a clip. It is not smoothed, so that a single key pose has one too. posture: the hips' height, and head, hands
+    and feet in the root's own frame, metres. ranges: frames [start, stop) of each clip. clip_styles: index into
+    ``styles``.
     """
 
     root: Float32[ndarray, "frame 3"]
@@ -57,27 +52,27 @@ class Tracks:
         return len(self.root)
 
     def style_of(self, frame: int) -> str:
-        """The style of the clip that a frame is in."""
+        """The style of the clip that holds a frame."""
         return self.styles[int(self.clip_styles[np.searchsorted(self.ranges[:, 0], frame, side="right") - 1])]
 
     def cut(self, start: int, steps: int, mirrored: bool) -> Float[ndarray, "time 3"]:
-        """The track of a window, both ends included, in double precision."""
+        """The track of a window, both ends included, mirrored if so."""
         track = self.root[start : start + steps + 1].astype(float)
         return track * [-1.0, 1.0, -1.0] if mirrored else track
 
 
 def track_of(motion: Motion) -> Float[ndarray, "frame 3"]:
-    """x, z and unwrapped yaw of every frame of a motion of the 22 joints."""
+    """x, z (metres) and unwrapped yaw (radians) of every frame of a motion of the 22 joints."""
     hips = motion.root_positions
     yaw = np.unwrap(pose_yaw(motion.local_rotations[:, 0]))
     return np.stack([hips[:, 0], hips[:, 2], yaw], axis=-1)
 
 
 def posture_of(motion: Motion) -> Float[ndarray, "frame 16"]:
-    """Posture of every frame of a motion of the 22 joints, metres."""
+    """The posture (see :class:`Tracks`) of every frame of a motion of the 22 joints."""
     positions = motion.global_positions()
     yaw = pose_yaw(motion.local_rotations[:, 0])[:, None]
-    away = positions[:, _INDICES] - positions[:, :1] * [1.0, 0.0, 1.0]
+    away = positions[:, _POINT_JOINTS] - positions[:, :1] * [1.0, 0.0, 1.0]
     local = away.copy()
     local[..., ::2] = turned(away[..., ::2], -yaw)
     return np.concatenate([positions[:, :1, 1], local.reshape(len(local), -1)], axis=-1)
@@ -85,19 +80,19 @@ def posture_of(motion: Motion) -> Float[ndarray, "frame 16"]:
 
 def mirror_posture(posture: Float[ndarray, "*batch 16"]) -> Float[ndarray, "*batch 16"]:
     """The posture of the mirrored pose."""
-    return posture[..., _SWAPPED] * _SIGNS
+    return posture[..., _MIRROR_ORDER] * _MIRROR_SIGNS
 
 
 def posture_distance(a: Float[ndarray, "*#batch 16"], b: Float[ndarray, "*#batch 16"]) -> Float[ndarray, "*batch"]:
-    """How far apart two postures are: root mean square over the hips' height and the five points, metres."""
-    return np.asarray(np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POINTS))))
+    """The distance of two postures: root mean square over the hips' height and the five points, metres."""
+    return np.asarray(np.sqrt(np.sum(np.square(a - b), axis=-1) / (1 + len(POSTURE_POINTS))))
 
 
-def sound(track: Float[ndarray, "frame 3"]) -> list[tuple[int, int]]:
-    """The ranges [start, stop) of a track at 30 Hz without jumps; all of it where there are none."""
+def without_jumps(track: Float[ndarray, "frame 3"]) -> list[tuple[int, int]]:
+    """The ranges [start, stop) of a track at 30 Hz that are free of jumps."""
     jumps = np.zeros(len(track) + 1, dtype=bool)  # between a frame and the one before it
-    jumps[1:-1][np.abs(np.diff(track[:, 2])) * RATE > QUICKEST] = True
-    bend = np.linalg.norm(np.diff(track[:, :2], n=2, axis=0), axis=-1) * RATE**2 > HARDEST
+    jumps[1:-1][np.abs(np.diff(track[:, 2])) * RATE > MOST_TURN_RATE] = True
+    bend = np.linalg.norm(np.diff(track[:, :2], n=2, axis=0), axis=-1) * RATE**2 > MOST_ACCELERATION
     jumps[1:-2][bend] = True
     jumps[2:-1][bend] = True
     cuts = [0, *np.nonzero(jumps)[0].tolist(), len(track)]
@@ -105,7 +100,7 @@ def sound(track: Float[ndarray, "frame 3"]) -> list[tuple[int, int]]:
 
 
 def from_database(database: Database, ranges: list[tuple[int, int]] | None = None) -> Tracks:
-    """The tracks of a prepared database, or of those frame ranges of it (each inside a clip)."""
+    """The tracks of a prepared database, or of some frame ranges of it (each inside a clip)."""
     chosen = [(int(a), int(b)) for a, b in database.ranges] if ranges is None else ranges
     starts = database.ranges[:, 0]
     motions = [database.motion(start, stop) for start, stop in chosen]
@@ -114,16 +109,15 @@ def from_database(database: Database, ranges: list[tuple[int, int]] | None = Non
 
 
 def from_motions(motions: list[Motion], styles: list[str]) -> Tracks:
-    """The tracks of motions of the 22 joints at 30 Hz, each with its style. Each begins at the origin of the ground.
+    """The tracks of motions of the 22 joints at 30 Hz, each with its style and each starting at the origin.
 
-    A motion whose root jumps is cut there, into clips of their own; see :func:`sound`. Raises InputError where none of
-    two frames is left.
+    A motion is cut where its root jumps (:func:`without_jumps`). Raises InputError where no clip of two frames is left.
     """
-    whole = [(motion, style, sound(track_of(motion))) for motion, style in zip(motions, styles, strict=True)]
+    whole = [(motion, style, without_jumps(track_of(motion))) for motion, style in zip(motions, styles, strict=True)]
     motions = [motion[a:b] for motion, _, ranges in whole for a, b in ranges]
     styles = [style for _, style, ranges in whole for _ in ranges]
     if not motions:
-        raise InputError("no clip has two frames without a jump between them; a gallery needs longer ones")
+        raise InputError("no clip has two frames without a jump between them; a gallery needs longer clips")
     names = tuple(sorted(set(styles)))
     tracks = [track_of(motion) for motion in motions]
     lengths = np.array([len(track) for track in tracks], dtype=np.int64)

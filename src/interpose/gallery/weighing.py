@@ -1,8 +1,7 @@
-"""How well each of the windows that fit a query fits it: costs, from more than where the two keys stand.
+"""How well each matching window fits a query, from more than the positions and facings of its two keys.
 
-Beyond the paper's equation 7, a window's two ends are compared with the two keys in posture, and where the motion
-before or after the gap is known, in velocity; time that must be stretched, detours and turns that nobody asked for
-cost, too. exp(-cost) is a window's weight among the others. docs/method.md, D22, has what this is worth.
+Beyond equation 7 of the paper, postures and known velocities at both ends, stretched time, detours and turns cost too.
+A window's weight among the others is exp(-cost). docs/gallery.md has how well this performs.
 """
 
 from __future__ import annotations
@@ -25,31 +24,31 @@ from interpose.gallery.windows import (
     NO_WINDOWS,
     SHORTEST_WINDOW,
     FoundWindows,
-    join,
+    merged,
     select,
     to_radians,
 )
 from interpose.rotation import wrapped
 
-SAMPLE = 2048
-"""Windows that are weighed for one gap."""
-EXACT = 64
-"""The best by equation 7 that are always among them."""
+SAMPLED_WINDOWS = 2048
+"""Windows weighed for one gap."""
+BEST_WINDOWS = 64
+"""The best by equation 7, which are always among them."""
 SKETCH = np.linspace(0.0, 1.0, 13)
-"""Shares of the time at which paths are compared before they are made."""
-RATIOS = 0.5
-"""1 has a length of time count by its ratio to others, 0 by how many frames it differs. 1 is best on the data that a
-gallery is made of, 0 on other data (docs/method.md, D23)."""
+"""Shares of the duration at which paths are compared before they are built."""
+DURATION_PRIOR = 0.5
+"""Exponent of the prior 1 / steps^DURATION_PRIOR over durations: 1 is best on the data that a gallery was built from, 0
+on other data."""
 
 
 @dataclass(frozen=True)
 class Costs:
-    """What counts as one unit of deviation: a cost is half the sum of the squares.
+    """Scales of the deviations: a cost is half the sum of (deviation / scale)^2.
 
-    posture: metres, for each end. facing: radians of equation 7. velocity: m/s at an end where it is known. stretch:
-    the logarithm of how much faster or slower. detour: the logarithm of the path's length over half a metre more than
-    the way from end to end; nobody asks for a loop of eight metres to turn on the spot. turning: radians that the
-    facing turns beyond what the keys ask for; nobody goes the long way round.
+    posture: metres, at each end. facing: radians of equation 7. velocity: m/s, at an end where it is known. stretch:
+    logarithm of the change of speed. detour: logarithm of the path's length over (half a metre + the distance from end
+    to end), against loops of metres for a turn on the spot. turning: radians that the facing turns beyond
+    what the keys need.
     """
 
     posture: float = 0.12
@@ -62,7 +61,7 @@ class Costs:
 
 @dataclass(frozen=True, eq=False)
 class EndStates:
-    """What is known at start and target beside the places: posture (16,) and velocity on the ground (x, z), m/s."""
+    """What is known at start and target beyond their positions: postures, metres, and velocities (x, z), m/s."""
 
     postures: tuple[Float[ndarray, "16"], Float[ndarray, "16"]] | None = None
     velocities: tuple[Float[ndarray, "2"] | None, Float[ndarray, "2"] | None] = (None, None)
@@ -73,9 +72,10 @@ NOTHING_KNOWN = EndStates()
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Single windows that fit a query, with sketches of their placed paths (window, 13, 2).
+    """Single windows that match a query, with sketches of their placed paths: x, z in metres from the start.
 
-    misfit: half the sum of the squared deviations. cost: the same, and how unlikely the length of time is beforehand.
+    misfit: half the sum of the squared deviations. cost: the misfit plus the negative logarithm of the duration's
+    prior.
     """
 
     found: FoundWindows
@@ -88,11 +88,11 @@ class Pool:
 
     @property
     def weights(self) -> Float[ndarray, "window"]:
-        """How much each counts; the cheapest counts 1."""
+        """exp(-cost), scaled so that the cheapest has 1."""
         return np.exp(self.cost.min() - self.cost)
 
     def take(self, rows: ndarray) -> Pool:
-        """Some of them, by index or mask."""
+        """Some of the windows, by index or mask."""
         return Pool(select(self.found, rows), self.misfit[rows], self.cost[rows], self.sketch[rows])
 
 
@@ -108,55 +108,62 @@ def gather(
     settings: MatchSettings = matching.MATCH_DEFAULTS,
     costs: Costs = Costs(),
 ) -> Pool:
-    """A random sample of the windows that fit a query, the best by equation 7 among them, each with its cost."""
+    """A random sample of the windows that match a query, the best by equation 7 among them, each with its cost.
+
+    ``steps``: fewest and most. ``styles``: indices, or None for all. ``target_steps``: a given duration, from which
+    windows are stretched at a cost.
+    """
     if steps[1] < SHORTEST_WINDOW or steps[0] > LONGEST_WINDOW:
         return weigh(gallery, query, ends, NO_WINDOWS, target_steps, costs)
-    asked = matching.window_query(query, steps, styles, settings)
+    wanted = matching.window_query(query, steps, styles, settings)
     index = gallery.index
-    drawn = indexing.sample(index, asked, SAMPLE, draw)
-    found = _unique(join([indexing.best(index, asked, EXACT), drawn]))
+    drawn = indexing.sample(index, wanted, SAMPLED_WINDOWS, draw)
+    found = _unique(merged([indexing.best(index, wanted, BEST_WINDOWS), drawn]))
     return weigh(gallery, query, ends, found, target_steps, costs)
 
 
 def weigh(
     gallery: Gallery, query: Query, ends: EndStates, found: FoundWindows, target_steps: int | None, costs: Costs
 ) -> Pool:
+    """The costs of windows for a query; see :func:`gather`."""
     tracks, side = gallery.tracks, found.mirrored.astype(bool)
     at = found.start[:, None] + np.round(found.steps[:, None] * SKETCH).astype(np.int64)
     sketch = tracks.root[at].astype(float) * np.where(side[:, None, None], [-1.0, 1.0, -1.0], 1.0)
     angle, scale = _placing(query, sketch)
     placed = turned(sketch[..., :2] - sketch[:, :1, :2], angle[:, None]) * scale[:, None, None]
     ours = np.array(query.target[:2]) - np.array(query.start[:2])
+    # Spread the remaining error at the target over the path, as `paths.fit` does, but linearly: it is small.
     placed += SKETCH[:, None] * (ours - placed[:, -1])[:, None]
-    total = wandering(query, placed, sketch[..., 2], costs) + np.square(to_radians(found.error) / costs.facing)
+    total = detour_cost(query, placed, sketch[..., 2], costs) + np.square(to_radians(found.error) / costs.facing)
     if target_steps is not None:
         total += np.square(np.log(found.steps / target_steps) / costs.stretch)
     if ends.postures is not None:
         for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
-            total += unlike(tracks, found, frame, wanted, costs)
+            total += posture_cost(tracks, found, frame, wanted, costs)
+    # A velocity is that of the step after the start and of the step before the target.
     for frame, wanted in zip((found.start, found.start + found.steps - 1), ends.velocities, strict=True):
         if wanted is not None:
             step = (tracks.root[frame + 1, :2] - tracks.root[frame, :2]).astype(float) * RATE
             step[side, 0] *= -1.0
             total += np.sum(np.square((turned(step, angle) - wanted) / costs.velocity), axis=-1)
-    prior = RATIOS * np.log(found.steps) if target_steps is None else 0.0
+    prior = DURATION_PRIOR * np.log(found.steps) if target_steps is None else 0.0
     return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
 
 
-def unlike(
+def posture_cost(
     tracks: Tracks, found: FoundWindows, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"], costs: Costs
 ) -> Float[ndarray, "window"]:
-    """Twice the cost of how each window's posture at its ``frame`` differs from that of a key."""
+    """Twice the cost of the difference between each window's posture at its ``frame`` and a key's."""
     theirs = tracks.posture[frame].astype(float)
     theirs = np.where(found.mirrored.astype(bool)[:, None], mirror_posture(theirs), theirs)
     return np.square(posture_distance(theirs, wanted) / costs.posture)
 
 
-def wandering(
-    query: Query, ways: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"], costs: Costs
+def detour_cost(
+    query: Query, placed: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"], costs: Costs
 ) -> Float[ndarray, "window"]:
-    """Twice the cost of what goes a long way or turns a lot for what it reaches."""
-    walked = np.linalg.norm(np.diff(ways, axis=1), axis=-1).sum(axis=1)
+    """Twice the cost of paths (x, z) that are longer, or turn more, than their query needs."""
+    walked = np.linalg.norm(np.diff(placed, axis=1), axis=-1).sum(axis=1)
     detour = np.maximum(np.log((walked + 1e-9) / (query.distance + 0.5)), 0.0)
     needed = abs(float(wrapped(query.target[2] - query.start[2])))
     turning = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
@@ -164,12 +171,12 @@ def wandering(
 
 
 def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[ndarray, ndarray]:
-    """By how much each window is turned and scaled onto the query."""
+    """The angle and the scale that place each window onto the query."""
     if query.in_place:
         return query.start[2] - sketch[:, 0, 2], np.ones(len(sketch))
-    way = sketch[:, -1, :2] - sketch[:, 0, :2]
-    length = np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
-    return query.heading - np.arctan2(way[:, 0], way[:, 1]), query.distance / length
+    v_p = sketch[:, -1, :2] - sketch[:, 0, :2]
+    length = np.maximum(np.linalg.norm(v_p, axis=-1), 1e-9)
+    return query.heading - np.arctan2(v_p[:, 0], v_p[:, 1]), query.distance / length
 
 
 def _unique(found: FoundWindows) -> FoundWindows:

@@ -1,8 +1,7 @@
-"""Atomic trajectories (Chu and Yang 2024, section 4.1) as numbers, and how far one is from a query (equation 7).
+"""Atomic trajectories (Chu and Yang 2024, section 4.1) as numbers, and their error against a query (equation 7).
 
-A *window* is a start frame and a number of steps, 15 to 150 (0.5 to 5 s), within one clip: T = (id, o_s, o_e, v_p, c).
-What matters of it once it is turned onto a query is the length of v_p and both facings relative to the direction of
-v_p. Angles are kept in 65,536ths of a turn, so that errors are whole numbers and two ways to search agree on every tie.
+A *window* is a start frame and 15 to 150 steps (0.5 to 5 s) within one clip: T = (id, o_s, o_e, v_p, c). Angles are
+kept in 65,536ths of a turn, so that errors are integers and any two searches agree on every tie.
 """
 
 from __future__ import annotations
@@ -15,22 +14,22 @@ from jaxtyping import Float, Float32, Int, Int32, UInt16
 from numpy import ndarray
 
 SHORTEST_WINDOW, LONGEST_WINDOW = 15, 150
-"""Steps of a window."""
+"""Steps of a window, at 30 Hz."""
 WINDOW_LENGTHS = LONGEST_WINDOW - SHORTEST_WINDOW + 1
 TURN = 65536
-"""Units of angle in a whole turn."""
+"""Units of angle in a full turn."""
 
 Criterion = Literal["both", "start", "turn"]
-"""What the error counts: both facings (equation 7), the start's alone (Algorithm 1, line 18), or by how much the facing
-turns from start to end, for where start and end are one place and v_p has no direction."""
+"""What the error measures: both facings (equation 7), the start's alone (Algorithm 1, line 18), or how much the facing
+turns from start to end, where both are at one place and v_p has no direction."""
 
 
 @dataclass(frozen=True)
 class WindowQuery:
-    """What a window must have. Facings are radians relative to v_p, counted as yaw is.
+    """What a window must meet.
 
-    distance: lowest and highest length of v_p, metres. steps: fewest and most. styles: indices, or None for all.
-    threshold: the largest error, radians.
+    distance: smallest and largest length of v_p, metres. facing: at start and end, radians relative to v_p, signed as
+    yaw is. steps: fewest and most. styles: indices, or None for all. threshold: the largest error, radians.
     """
 
     distance: tuple[float, float]
@@ -46,14 +45,17 @@ class WindowQuery:
         return int(np.floor(self.threshold / (2.0 * np.pi) * TURN))
 
     def units(self, mirrored: int = 0) -> tuple[int, int]:
-        """Both facings in units of angle; ``mirrored``, as an unmirrored window is held against them."""
+        """Both facings in units of angle; with ``mirrored`` those that an unmirrored window is compared with."""
         sign = -1.0 if mirrored else 1.0
         return to_units(sign * self.facing[0]), to_units(sign * self.facing[1])
 
 
 @dataclass(frozen=True, eq=False)
 class FoundWindows:
-    """Windows, best first: by error, then unmirrored before mirrored, then by start frame, then by steps."""
+    """Windows with their errors in units of angle.
+
+    Where ordered, best first: by error, then unmirrored before mirrored, then by start frame, then by steps.
+    """
 
     start: Int[ndarray, "window"]
     steps: Int[ndarray, "window"]
@@ -68,7 +70,7 @@ NO_WINDOWS = FoundWindows(*(np.zeros(0, dtype=np.int64) for _ in range(4)))
 
 
 def to_units(angle: float) -> int:
-    """An angle in radians as 65,536ths of a turn, whole turns taken off."""
+    """An angle in radians as 65,536ths of a turn, without whole turns."""
     return int(np.round(angle / (2.0 * np.pi) * TURN)) % TURN
 
 
@@ -80,11 +82,12 @@ def to_radians(units: Int[ndarray, "*batch"] | int) -> Float[ndarray, "*batch"]:
 def features(
     root: Float32[ndarray, "frame 3"], start: Int[ndarray, "window"], steps: Int[ndarray, "window"] | int
 ) -> tuple[Float32[ndarray, "window"], UInt16[ndarray, "window"], UInt16[ndarray, "window"]]:
-    """Length of v_p in metres, and both facings relative to it in 65,536ths of a turn; 0 stands for no direction."""
+    """The length of v_p in metres, and both facings relative to it in units of angle; v_p has heading 0 where it has no
+    length."""
     a, b = root[start].astype(float), root[start + steps].astype(float)
-    way = b[:, :2] - a[:, :2]
-    distance = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2).astype(np.float32)
-    heading = np.arctan2(way[:, 0], way[:, 1])
+    v_p = b[:, :2] - a[:, :2]
+    distance = np.sqrt(v_p[:, 0] ** 2 + v_p[:, 1] ** 2).astype(np.float32)
+    heading = np.arctan2(v_p[:, 0], v_p[:, 1])
     turned = [np.round((end[:, 2] - heading) * (TURN / (2.0 * np.pi))).astype(np.int64) for end in (a, b)]
     return distance, turned[0].astype(np.uint16), turned[1].astype(np.uint16)
 
@@ -95,7 +98,7 @@ def errors(
     wanted: tuple[int, int],
     criterion: Criterion,
 ) -> Int32[ndarray, "window"]:
-    """Equation 7 in units of angle; ``wanted`` are the query's facings in the same units."""
+    """Equation 7 in units of angle. ``wanted``: the query's facings in the same units."""
     if criterion == "turn":
         return apart(facing_end - facing_start, (wanted[1] - wanted[0]) % TURN)
     error = apart(facing_start, wanted[0])
@@ -121,13 +124,9 @@ def select(found: FoundWindows, rows: ndarray) -> FoundWindows:
     return FoundWindows(found.start[rows], found.steps[rows], found.mirrored[rows], found.error[rows])
 
 
-def join(parts: list[FoundWindows]) -> FoundWindows:
-    """All windows of several findings, unordered."""
+def merged(parts: list[FoundWindows]) -> FoundWindows:
+    """The windows of several results, unordered."""
     if not parts:
         return NO_WINDOWS
-    return FoundWindows(
-        np.concatenate([part.start for part in parts]),
-        np.concatenate([part.steps for part in parts]),
-        np.concatenate([part.mirrored for part in parts]),
-        np.concatenate([part.error for part in parts]),
-    )
+    names = ("start", "steps", "mirrored", "error")
+    return FoundWindows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -46,7 +46,7 @@ class Matched:
     trace: Trace
     style: str
     count: int
-    stages: paths.Steps
+    stages: paths.PlacementStages
     angle: float
     off: tuple[float, float]
 
@@ -75,7 +75,7 @@ def _window(
     gallery: Gallery, distance: float, styles: tuple[int, ...] | None, draw: np.random.Generator
 ) -> Float[ndarray, "time 3"]:
     """A window that leads about so far, in one to three seconds where there is one; else one of the nearest length."""
-    about, anywhere = matching.band(distance), (2.0 * matching.IN_PLACE, matching.FARTHEST)
+    about, anywhere = matching.band(distance), (2.0 * matching.IN_PLACE, matching.LONGEST_QUERY)
     for lengths, steps in (
         (about, (30, 90)),
         (about, (SHORTEST_WINDOW, LONGEST_WINDOW)),

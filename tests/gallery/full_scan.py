@@ -1,7 +1,4 @@
-"""The plain full scan: every window of every clip, as it lies and in the mirror, held against what is wanted.
-
-It keeps nothing but the tracks, is the measure of what `index` must find, and is what the benchmark compares with.
-"""
+"""The full scan: every window of every clip, as recorded and mirrored; what the index must find."""
 
 from __future__ import annotations
 
@@ -16,12 +13,12 @@ from interpose.gallery.windows import (
     errors,
     features,
     first_of,
-    join,
+    merged,
 )
 
 
 def best(tracks: Tracks, wanted: WindowQuery, count: int) -> FoundWindows:
-    """The ``count`` windows of the least error (equation 8), by looking at all of them."""
+    """The ``count`` windows of the least error (equation 8), best first."""
     able = [c for c in range(len(tracks.ranges)) if wanted.styles is None or tracks.clip_styles[c] in wanted.styles]
     parts: list[FoundWindows] = []
     for steps in range(max(wanted.steps[0], SHORTEST_WINDOW), min(wanted.steps[1], LONGEST_WINDOW) + 1):
@@ -38,8 +35,6 @@ def best(tracks: Tracks, wanted: WindowQuery, count: int) -> FoundWindows:
                 (distance >= wanted.distance[0]) & (distance <= wanted.distance[1]) & (error <= wanted.limit)
             )[0]
             same = np.full(len(rows), 1, dtype=np.int64)
-            found = FoundWindows(
-                start[rows].astype(np.int64), same * steps, same * mirrored, error[rows].astype(np.int64)
-            )
-            parts.append(first_of(found, count))
-    return first_of(join(parts), count)
+            found = start[rows].astype(np.int64), same * steps, same * mirrored, error[rows].astype(np.int64)
+            parts.append(first_of(FoundWindows(*found), count))
+    return first_of(merged(parts), count)
