@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy import ndarray
 
-from interpose.drawn_path.curve import GRID, attached, gaussian, smoothed, through
+from interpose.drawn_path.curve import SAMPLE_SPACING, attached, gaussian, smoothed, through
 
 ANY = st.integers(2, 12).flatmap(
     lambda count: arrays(float, (count, 2), elements=st.one_of(st.sampled_from([0.0, 1.0, 1.0005]), st.floats(-5, 5)))
@@ -63,7 +63,7 @@ def test_a_straight_line_stays_straight() -> None:
     assert curve.length == pytest.approx(4.0)
     np.testing.assert_allclose(curve.passed, [0.0, 1.0, 4.0], atol=0.01)
     np.testing.assert_allclose(curve.heading, 0.0, atol=1e-9)
-    assert np.diff(curve.arc).max() <= 1.01 * GRID
+    assert np.diff(curve.arc).max() <= 1.01 * SAMPLE_SPACING
 
 
 def test_a_trembling_hand_is_smoothed_away() -> None:

@@ -341,7 +341,7 @@ def test_given_facings_take_the_shorter_way_to_the_target() -> None:
 def test_no_time_that_could_be_had(turns: Gallery) -> None:
     line, query = DrawnPath(np.array([[0.0, 2.0]])), Query((0.0, 0.0, 0.0), (0.0, 4.0, 0.0))
     for gallery in (None, turns):
-        with pytest.raises(InputError, match=r"how long the drawn path takes is not known .*; give a number of frames"):
+        with pytest.raises(InputError, match=r"the drawn path.s duration is not known .*; give a number of frames"):
             follow(gallery, line, query, PathRequest(), NOTHING)
         path = follow(gallery, line, query, PathRequest(100), NOTHING)
         assert speeds(path).max() < 1.05 * speeds(path).min()
@@ -382,7 +382,7 @@ def test_steps_and_places_that_are_none() -> None:
 
 def test_times_that_do_not_fit_the_keys() -> None:
     query = Query((0.0, 0.0, 0.0), (0.0, 4.0, 0.0))
-    with pytest.raises(InputError, match=r"1\.00 m away from the start key at 0 s"):
+    with pytest.raises(InputError, match=r"1\.00 m from the start key at 0 s"):
         follow(None, DrawnPath(np.array([[0.0, 1.0]]), np.array([0.0])), query, PathRequest(), NOTHING)
     with pytest.raises(InputError, match="do not say how fast it goes to the target"):
         follow(None, DrawnPath(np.array([[0.0, 0.1]]), np.array([1.0])), query, PathRequest(), NOTHING)

@@ -89,7 +89,7 @@ def test_a_line_for_any_gap_and_lines_by_their_start_keys(tmp_path: Path) -> Non
 
 def test_gaps_that_do_not_fit_the_keys(tmp_path: Path) -> None:
     one = read(written(tmp_path, {"points": [[0, 1]]}))
-    with pytest.raises(InputError, match="has one line, but there are 2 gaps"):
+    with pytest.raises(InputError, match="has one path, but there are 2 gaps"):
         one.check([(0, 45), (45, 90)])
     file = read(written(tmp_path, {"gaps": [{"start": 0, "target": 45, "points": [[0, 1]]}]}))
     with pytest.raises(
@@ -123,8 +123,8 @@ def test_lines_from_python() -> None:
         ("7", "is 7; give an object"),
         ("null", "is null; give an object"),
         ("{}", "there are no points"),
-        ('{"points": [[NaN, 0]]}', "holds NaN"),
-        ('{"points": [[0, -Infinity]]}', "holds -Infinity"),
+        ('{"points": [[NaN, 0]]}', "contains NaN"),
+        ('{"points": [[0, -Infinity]]}', "contains -Infinity"),
         ('{"points": [[1e999, 0]]}', "points[0][0] is not finite"),
         ({"points": [[0, 1]], "speed": "fast"}, 'unknown field "speed"; the fields are points, times, facing'),
         ({"points": [[0, 1]], "start": 3}, 'unknown field "start"'),
@@ -153,7 +153,7 @@ def test_lines_from_python() -> None:
         ({"points": [[0, 1]], "facing": "target"}, 'facing is "target"; give "path"'),
         ({"points": [[0, 1]], "facing": 90}, "facing is 90; give a list"),
         ({"points": [[0, 1]], "facing": [90, 90]}, "facing has 2 entries for 1 points"),
-        ({"points": [[0, 1]], "facing": [[0, 0]]}, "facing[0] is [0, 0], which is no direction"),
+        ({"points": [[0, 1]], "facing": [[0, 0]]}, "facing[0] is [0, 0], which has no direction"),
         ({"points": [[0, 1], [0, 2]], "facing": [[0, 1], 90]}, "facing[1] is 90; give two numbers"),
         ({"points": [[0, 1], [0, 2]], "facing": [90, [0, 1]]}, "facing[1] is [0, 1]; give a number"),
         ({"points": [[0, 1]], "facing": [True]}, "facing[0] is true; give a number"),

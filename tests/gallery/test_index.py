@@ -58,21 +58,21 @@ def wants(draw, tracks):
     return WindowQuery((low, high), facing, criterion, (fewest, most), styles, draw(thresholds))
 
 
-@given(st.data(), several_clips, counts, st.sampled_from([1, 32, indexing.BATCH]))
+@given(st.data(), several_clips, counts, st.sampled_from([1, 32, indexing.READ_BATCH]))
 def test_the_index_finds_what_the_scan_finds(data, clips, count, batch):
     tracks = drawn(clips)
     wanted = data.draw(wants(tracks))
-    with mock.patch.object(indexing, "BATCH", batch):
+    with mock.patch.object(indexing, "READ_BATCH", batch):
         assert_same(indexing.best(build(tracks), wanted, count), full_scan.best(tracks, wanted, count))
 
 
 @pytest.mark.parametrize("name", ["wandering", "marching"])
 @settings(max_examples=30)
-@given(data=st.data(), count=counts, batch=st.sampled_from([8, 512, indexing.BATCH]))
+@given(data=st.data(), count=counts, batch=st.sampled_from([8, 512, indexing.READ_BATCH]))
 def test_the_index_finds_what_the_scan_finds_among_many(name, request, data, count, batch):
     gallery = request.getfixturevalue(name)
     wanted = data.draw(wants(gallery.tracks))
-    with mock.patch.object(indexing, "BATCH", batch):
+    with mock.patch.object(indexing, "READ_BATCH", batch):
         assert_same(indexing.best(gallery.index, wanted, count), full_scan.best(gallery.tracks, wanted, count))
 
 
@@ -91,7 +91,7 @@ def test_of_thousands_of_equal_errors_the_first_are_taken(marching):
 def test_equal_errors_are_found_though_they_are_read_later(count):
     tracks = tracks_of([even(60, facing=facing) for facing in (3.0, 0.1, 1.5, -1.5)])
     wanted = WindowQuery((0.6, 1.2), (0.4, 0.4), "turn")
-    with mock.patch.object(indexing, "BATCH", 1):
+    with mock.patch.object(indexing, "READ_BATCH", 1):
         found = indexing.best(build(tracks), wanted, count)
     assert_same(found, full_scan.best(tracks, wanted, count))
     assert found.start[0] == found.error.max() == 0
@@ -192,7 +192,7 @@ def test_windows_lie_in_the_cells_of_their_style_distance_and_facings_by_steps(w
 
 
 def test_a_gallery_built_in_many_parts_is_the_same(wandering):
-    with mock.patch.object(indexing, "SPAN", 1000):
+    with mock.patch.object(indexing, "BUILD_BATCH", 1000):
         index = build(wandering.tracks)
     for name in ("start", "steps", "distance", "facing", "cells"):
         np.testing.assert_array_equal(getattr(index, name), getattr(wandering.index, name))
@@ -225,7 +225,7 @@ def test_a_window_takes_13_bytes_beside_the_table_of_cells(wandering):
 
 def test_progress_is_told_until_all_is_done(wandering):
     told = []
-    with mock.patch.object(indexing, "SPAN", 20000):
+    with mock.patch.object(indexing, "BUILD_BATCH", 20000):
         build(wandering.tracks, lambda done, total: told.append((done, total)))
     assert told[-1] == (len(wandering.index), len(wandering.index))
     assert [done for done, _ in told] == sorted({done for done, _ in told})

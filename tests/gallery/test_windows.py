@@ -17,7 +17,7 @@ from interpose.gallery.windows import (
     errors,
     features,
     first_of,
-    join,
+    merged,
     select,
     to_units,
 )
@@ -152,7 +152,7 @@ def test_the_best_come_by_error_then_side_then_start_then_steps(columns, count):
 
 def test_findings_are_joined_and_chosen_from():
     one = FoundWindows(*(np.array([4, 5]) for _ in range(4)))
-    both = join([one, NO_WINDOWS, one])
+    both = merged([one, NO_WINDOWS, one])
     assert both.start.tolist() == both.error.tolist() == [4, 5, 4, 5]
     assert select(both, both.steps == 5).mirrored.tolist() == [5, 5]
-    assert len(join([])) == len(NO_WINDOWS) == 0
+    assert len(merged([])) == len(NO_WINDOWS) == 0

@@ -1,10 +1,4 @@
-"""How fast a drawn line is walked: piece by piece as people in the gallery walk such pieces, slower round its corners.
-
-The curve is cut where it turns, into pieces of one to four metres. For each the gallery is asked as for any
-gap; of the windows that lead from one end to the other those count that are about as long on the way as the piece is,
-so that a bow is timed by bows. Their weighted durations give the piece's pace (`speeds`); the mean progress of those at
-the line's two ends says how it sets out and arrives, from rest or in full swing. Paces are smoothed along the line, it
-is slowed where nobody turns that fast, and its speed has no jumps.
+"""How fast a drawn path is walked: piece by piece as people in the gallery walk such pieces, slower round its corners.
 
 A *schedule* is the time at each sample of a curve, seconds from 0, ascending.
 """
@@ -19,7 +13,7 @@ from numpy import ndarray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-from interpose.drawn_path.curve import SHORT, Curve, gaussian
+from interpose.drawn_path.curve import SHORTEST_CURVE, Curve, gaussian
 from interpose.features import RATE
 from interpose.gallery import matching, weighing
 from interpose.gallery.matching import IN_PLACE, Query
@@ -30,51 +24,51 @@ from interpose.gallery.weighing import SKETCH, Costs, EndStates, Pool
 from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
 
 SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
-"""Metres."""
-BEND = 0.6
-"""Radians: where the direction has turned so far, a piece that is long enough ends."""
+"""Metres of a piece."""
+PIECE_TURN = 0.6
+"""Radians: a piece that is long enough ends where its direction has turned so far."""
 MOST_PIECES = 20
-"""Pieces that are asked for; with the second try of those that find nothing, 40 queries at most."""
+"""Pieces that are request for; with the second try of those that find nothing, 40 queries at most."""
 LIKE_LENGTH = 0.15
-"""The logarithm of a window's own length over the piece's that counts as one unit of deviation (`Costs`)."""
+"""The logarithm of a window's length over the piece's that counts as one unit of deviation (`Costs`)."""
 ANY_FACING = replace(matching.MATCH_DEFAULTS, threshold=2.0 * np.pi, tolerance=0.1)
-"""Where nothing fits, how a piece is walked whichever way one faces."""
-SWAY = 1.2
-"""How many times as long as a piece a window may be before it counts as a longer way, for hips sway."""
-UNLIKE = 0.5
-"""The logarithm of the windows' own length over the piece's at which its pace is little trusted beside the others'."""
-LEAST_SHARE = 0.05
-"""Of the mean speed of a piece, what it is at least everywhere in it."""
-TURNING = 4.5
-"""Radians a second at most along the curve."""
-ALONG = 1.0
-"""Metres: the standard deviation of the Gaussian over which the pieces' paces are smoothed."""
-SIDEWAYS, BRAKING = 4.0, 4.0
-"""m/s^2 at most: outward in a bend, and on the way into and out of a corner."""
-STEP = 1.0 / 120.0
+"""The second try, where nothing matches: any facing."""
+SWAY_RATIO = 1.2
+"""Ratio of lengths up to which a window is no detour, as hips sway."""
+TRUSTED_RATIO = 0.5
+"""The logarithm of the windows' length over the piece's at which its pace has little weight."""
+SLOWEST_SHARE = 0.05
+"""The least speed within a piece, as a share of its mean."""
+MOST_TURN_SPEED = 4.5
+"""Radians a second along the curve."""
+PACE_SMOOTHING = 1.0
+"""Metres: the standard deviation of the Gaussian that smooths the pieces' paces."""
+MOST_SIDEWAYS, MOST_BRAKING = 4.0, 4.0
+"""m/s^2: outward in a bend, and along the path into and out of a corner."""
+TIME_STEP = 1.0 / 120.0
 """Seconds between the speeds that are smoothed."""
-SMOOTH = 0.15
-"""Seconds: the standard deviation of the Gaussian over speeds."""
+SPEED_SMOOTHING = 0.15
+"""Seconds: the standard deviation of the Gaussian that smooths speeds."""
 SPEED_FADE = 0.5
-"""Seconds within which the speed goes over from a known one at a key to the line's own."""
+"""Seconds over which a known speed at a key blends into the path's own."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathProgress:
-    """How far along a curve one is over time. arc: metres at evenly spaced times from 0 to ``duration`` seconds."""
+    """Progress along a curve. arc: metres at evenly spaced times from 0 to ``duration`` seconds."""
 
     arc: Float[ndarray, "time"]
     duration: float
 
     def sampled(self, steps: int) -> Float[ndarray, "time"]:
-        """Metres at ``steps`` + 1 frames, the whole taking ``steps`` whatever it took."""
+        """Metres at ``steps`` + 1 frames, stretched to that duration."""
         return np.interp(np.linspace(0.0, 1.0, steps + 1), np.linspace(0.0, 1.0, len(self.arc)), self.arc)
 
 
 @dataclass(frozen=True)
 class _Walk:
-    """How a piece is walked. seconds: as suggested. slow: seconds a metre. haste: how many times faster the speed asked
-    for is. profile: speeds at equal shares of the time, over their mean."""
+    """How a piece is walked. seconds: as suggested. slow: seconds a metre. haste: how many times faster the requested
+    speed is. profile: speeds at equal shares of the duration, relative to their mean. trust: weight of the pace."""
 
     seconds: float
     slow: float
@@ -84,11 +78,16 @@ class _Walk:
 
 
 def by_gallery(
-    gallery: Gallery, curve: Curve, facing: Float[ndarray, "sample"], ends: EndStates, asked: PathRequest, seed: int
+    gallery: Gallery, curve: Curve, facing: Float[ndarray, "sample"], ends: EndStates, request: PathRequest, seed: int
 ) -> Float[ndarray, "sample"] | None:
-    """The schedule of a curve walked with those facings, in ``asked.style`` and at ``asked.speed``; None where the
-    gallery has nothing like any piece of it. Raises InputError for a style that it lacks, or an unknown speed."""
-    styles = gallery.style_indices(asked.style)
+    """The schedule of a curve walked with those facings, in ``request.style`` and at ``request.speed``.
+
+    Each piece of one to four metres is a query of its own; windows as long as the piece count most, so that a bend is
+    timed by bends. Their weighted durations give its pace, and the mean progress of those at the curve's ends how it
+    sets out and arrives. None where the gallery matches no piece. Raises InputError for a style that it lacks or an
+    unknown speed.
+    """
+    styles = gallery.style_indices(request.style)
     draw = np.random.default_rng(seed)
     cuts = pieces(curve)
     lengths = np.diff(curve.arc[cuts])
@@ -99,17 +98,17 @@ def by_gallery(
         query = Query(*(_place(curve, facing, cut) for cut in cuts[piece : piece + 2]))
         pool = _pool(gallery, query, ends, outer, styles, draw)
         if pool is not None:
-            walks[piece] = _walk(gallery, pool, float(lengths[piece]), ends, outer, asked.speed)
+            walks[piece] = _walk(gallery, pool, float(lengths[piece]), ends, outer, request.speed)
     if not walks:
         return None
     if curve.length < IN_PLACE:
         return evenly(curve, walks[0].seconds / walks[0].haste)
-    asked_for = np.array(sorted(walks))
+    timed = np.array(sorted(walks))
     middles = curve.arc[cuts][:-1] + lengths / 2.0
-    trusted = lengths[asked_for] * [walks[piece].trust for piece in asked_for]
-    near = (np.exp(-0.5 * np.square((middles[:, None] - middles[asked_for]) / ALONG)) + 1e-12) * trusted
-    slow = np.average(np.tile([walks[piece].slow for piece in asked_for], (last + 1, 1)), axis=1, weights=near)
-    haste = np.exp(np.average(np.log([walks[piece].haste for piece in asked_for]), weights=trusted))
+    trusted = lengths[timed] * [walks[piece].trust for piece in timed]
+    near = (np.exp(-0.5 * np.square((middles[:, None] - middles[timed]) / PACE_SMOOTHING)) + 1e-12) * trusted
+    slow = np.average(np.tile([walks[piece].slow for piece in timed], (last + 1, 1)), axis=1, weights=near)
+    haste = np.exp(np.average(np.log([walks[piece].haste for piece in timed]), weights=trusted))
     at = (curve.arc[:-1] + curve.arc[1:]) / 2.0
     profiles = {piece: walks[piece].profile for piece in {0, last} & walks.keys()}
     seconds = np.diff(curve.arc) * np.interp(at, middles, slow) * _slowness(at, curve.arc[cuts], profiles)
@@ -118,30 +117,31 @@ def by_gallery(
 
 
 def evenly(curve: Curve, seconds: float) -> Float[ndarray, "sample"]:
-    """The schedule of an even pace."""
-    share = np.linspace(0.0, 1.0, len(curve.arc)) if curve.length < SHORT else curve.arc / curve.length
+    """The schedule of a constant speed."""
+    share = np.linspace(0.0, 1.0, len(curve.arc)) if curve.length < SHORTEST_CURVE else curve.arc / curve.length
     return share * seconds
 
 
 def progress(
     curve: Curve, schedule: Float[ndarray, "sample"], speeds: tuple[float | None, float | None]
 ) -> PathProgress:
-    """A schedule made fit to be walked: slower in corners, without jumps in speed, and from and to the ``speeds`` at
-    the ends, m/s along the curve, that are known. It takes longer by what the corners cost."""
-    if curve.length < SHORT:
+    """A schedule made walkable: slower in corners, without jumps in speed, and with the known ``speeds`` at both ends,
+    m/s along the curve. Corners make it take longer."""
+    if curve.length < SHORTEST_CURVE:
         return PathProgress(curve.arc, float(schedule[-1]))
     cells = np.diff(curve.arc)
     squares = np.square(np.minimum(cells / np.maximum(np.diff(schedule), 1e-9), _fastest(curve)))
-    slope = 2.0 * BRAKING * (curve.arc[1:] - curve.arc[1])
+    # Squared speeds may change by at most 2 a per metre: a forward and a backward pass bound them.
+    slope = 2.0 * MOST_BRAKING * (curve.arc[1:] - curve.arc[1])
     squares = np.minimum.accumulate(squares - slope) + slope
-    slope = 2.0 * BRAKING * (curve.arc[-1] - curve.arc[1:])
+    slope = 2.0 * MOST_BRAKING * (curve.arc[-1] - curve.arc[1:])
     squares = (np.minimum.accumulate((squares - slope)[::-1]) + slope[::-1])[::-1]
     times = np.concatenate([[0.0], np.cumsum(cells / np.sqrt(squares))])
-    count = max(int(np.ceil(times[-1] / STEP)), 8)
+    count = max(int(np.ceil(times[-1] / TIME_STEP)), 8)
     even = np.linspace(0.0, times[-1], count + 1)
     step = float(even[1])
     pace = np.diff(np.interp(even, times, curve.arc)) / step
-    pace = gaussian_filter1d(pace, SMOOTH / step, mode="reflect")
+    pace = gaussian_filter1d(pace, SPEED_SMOOTHING / step, mode="reflect")
     middles = (even[:-1] + even[1:]) / 2.0
     fade = min(SPEED_FADE, float(times[-1]) / 2.0)
     for speed, since in zip(speeds, (middles, times[-1] - middles), strict=True):
@@ -153,23 +153,23 @@ def progress(
 
 
 def by_times(curve: Curve, passed: Float[ndarray, "knot"], times: Float[ndarray, "knot"]) -> PathProgress:
-    """Progress that passes the arc lengths ``passed``, never falling from 0 to the curve's length, at those ``times``,
-    ascending from 0: monotone between them, its speed smoothed over a tenth of a second."""
-    count = max(int(np.ceil(times[-1] / STEP)), 8)
+    """Progress that is at the arc lengths ``passed`` (from 0 to the curve's length) at those ``times`` (ascending from
+    0): monotone in between, its speed smoothed over a tenth of a second."""
+    count = max(int(np.ceil(times[-1] / TIME_STEP)), 8)
     even = np.linspace(0.0, times[-1], count + 1)
     arc = np.maximum.accumulate(gaussian(PchipInterpolator(times, passed)(even), 0.1 / float(even[1])))
     return PathProgress(np.clip(arc, 0.0, curve.length), float(times[-1]))
 
 
 def pieces(curve: Curve) -> list[int]:
-    """The samples at which a curve is cut, its first and last among them."""
+    """The samples at which a curve is cut where it turns, with its first and its last."""
     cuts, last = [0], len(curve.arc) - 1
     while True:
         begin = cuts[-1]
         least, most = np.searchsorted(curve.arc, curve.arc[begin] + [SHORTEST_PIECE, LONGEST_PIECE]).tolist()
         heading = curve.heading[begin : most + 1]
         turned = np.maximum.accumulate(heading) - np.minimum.accumulate(heading)
-        end = min(max(begin + int(np.searchsorted(turned, BEND)), least), most)
+        end = min(max(begin + int(np.searchsorted(turned, PIECE_TURN)), least), most)
         if curve.length - curve.arc[min(end, last)] < SHORTEST_PIECE / 2.0:
             return [*cuts, last]
         cuts.append(end)
@@ -183,7 +183,7 @@ def _pool(
     styles: tuple[int, ...] | None,
     draw: np.random.Generator,
 ) -> Pool | None:
-    """The windows for a piece whose ends are ``outer`` or not; where there are none, those for any facing, or None."""
+    """The windows for a piece, else those for any facing, else None. ``outer``: whether its ends are the curve's."""
     before, after = (velocity if there else None for velocity, there in zip(ends.velocities, outer, strict=True))
     known = EndStates(ends.postures if all(outer) else None, (before, after))
     for settings in (matching.MATCH_DEFAULTS, ANY_FACING):
@@ -198,18 +198,18 @@ def _pool(
 def _walk(
     gallery: Gallery, pool: Pool, length: float, ends: EndStates, outer: tuple[bool, bool], speed: str | None
 ) -> _Walk:
-    """How a piece is walked by the windows that fit it."""
+    """How a piece is walked in the windows that match it."""
     legs = np.linalg.norm(np.diff(pool.sketch, axis=1), axis=-1)
     own = legs.sum(axis=1) + 1e-3
     weights = _weights(gallery, pool, own, length, ends, outer)
-    told = suggest(pool.found.steps, weights)
-    steps = told.steps if speed is None else group_of(told, speed).steps
+    suggested = suggest(pool.found.steps, weights)
+    steps = suggested.steps if speed is None else group_of(suggested, speed).steps
     mean = float(np.exp(np.average(np.log(own), weights=weights)))
-    walked = max(min(mean, length), mean / SWAY)
-    trust = float(np.exp(-0.5 * np.square(np.log(mean / max(length, 1e-3)) / UNLIKE))) + 1e-3
+    walked = max(min(mean, length), mean / SWAY_RATIO)
+    trust = float(np.exp(-0.5 * np.square(np.log(mean / max(length, 1e-3)) / TRUSTED_RATIO))) + 1e-3
     profile = np.average(legs / own[:, None], axis=0, weights=weights) * legs.shape[1]
-    seconds = told.steps / RATE
-    return _Walk(seconds, seconds / walked, told.steps / steps, np.maximum(profile, LEAST_SHARE), trust)
+    seconds = suggested.steps / RATE
+    return _Walk(seconds, seconds / walked, suggested.steps / steps, np.maximum(profile, SLOWEST_SHARE), trust)
 
 
 def _weights(
@@ -220,7 +220,7 @@ def _weights(
     ends: EndStates,
     outer: tuple[bool, bool],
 ) -> Float[ndarray, "window"]:
-    """How much each window counts: by its cost, its own length beside the piece's, and its posture at an outer end."""
+    """The weight of each window: by its cost, its length against the piece's, and its posture at an outer end."""
     cost = pool.cost.copy()
     if length >= IN_PLACE:
         cost += 0.5 * np.square(np.log(own / length) / LIKE_LENGTH)
@@ -235,8 +235,8 @@ def _weights(
 def _slowness(
     at: Float[ndarray, "cell"], cuts: Float[ndarray, "cut"], profiles: dict[int, ndarray]
 ) -> Float[ndarray, "cell"]:
-    """How much longer than evenly each place takes within the first and the last piece, as their windows are walked;
-    towards inner ends, where a window ends and the line goes on, it takes its time evenly."""
+    """Slowness relative to constant speed within the first and the last piece, as in their windows. It fades towards
+    inner ends, where a window ends and the path goes on."""
     slowness = np.ones(len(at))
     share = (np.arange(len(SKETCH) - 1) + 0.5) / (len(SKETCH) - 1)
     last = len(cuts) - 2
@@ -253,9 +253,9 @@ def _slowness(
 
 
 def _fastest(curve: Curve) -> Float[ndarray, "cell"]:
-    """The speed between samples that turning allows."""
+    """The greatest speed between samples that turning allows, m/s."""
     bend = np.maximum(np.abs(np.diff(curve.heading)) / np.diff(curve.arc), 1e-9)
-    return np.minimum(TURNING / bend, np.sqrt(SIDEWAYS / bend))
+    return np.minimum(MOST_TURN_SPEED / bend, np.sqrt(MOST_SIDEWAYS / bend))
 
 
 def _place(curve: Curve, facing: Float[ndarray, "sample"], sample: int) -> tuple[float, float, float]:

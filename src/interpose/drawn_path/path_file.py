@@ -1,10 +1,7 @@
-"""A line that a user drew on the ground for the root to follow, as its JSON file says it (docs/paths.md).
+"""Paths that a user drew, from a JSON file (docs/paths.md) or from Python values, checked to the last number.
 
-    {"points": [[x, z], ...], "times": [s, ...], "facing": "path" | [[x, z], ...] | [degrees, ...]}
-    {"gaps": [{"start": frame, "target": frame, "points": ..., ...}, ...]}
-
-`times`, `facing` and `target` may be left out. What a file says is checked here to the last number; whether it fits the
-keys of a gap is seen where it is followed, in `drawn`.
+{"points": [[x, z], ...], "times": [s, ...], "facing": "path" | [[x, z], ...] | [degrees, ...]}
+{"gaps": [{"start": frame, "target": frame, "points": ..., ...}, ...]}
 """
 
 from __future__ import annotations
@@ -24,34 +21,34 @@ from interpose.errors import InputError
 from interpose.io.files import read_whole
 
 LARGEST_FILE = 16 * 1024 * 1024
-"""Bytes of a file at most."""
+"""Bytes of a file, at most."""
 MOST_FILE_POINTS = 10_000
 LARGEST_NUMBER = 1e4
 """The largest number that a coordinate (metres), time (seconds) or angle (degrees) may have."""
 SAME_POINT = 1e-6
-"""Metres: points nearer to one another are one."""
+"""Metres: points closer than this count as one."""
 _FIELDS = ("points", "times", "facing")
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnPath:
-    """A line on the ground. points: x, z in metres. times: seconds from the start key at which each point is passed,
-    ascending, or None. facing: yaw at each point in radians, unwrapped, or None to face along the line."""
+    """A path on the ground. points: x, z in metres. times: seconds from the start key at each point, ascending, or
+    None. facing: yaw at each point in radians, unwrapped, or None to face along the path."""
 
     points: Float[ndarray, "point 2"]
     times: Float[ndarray, "point"] | None = None
     facing: Float[ndarray, "point"] | None = None
 
     def scaled(self, scale: float) -> DrawnPath:
-        """The line for a rig that is ``scale`` times as large; times and facings stay."""
+        """The path for a rig that is ``scale`` times as large; times and facings stay."""
         return DrawnPath(self.points * scale, self.times, self.facing)
 
 
 @dataclass(frozen=True, eq=False)
 class PathFile:
-    """What a file says: one line for any gap (``whole``), or lines by their gaps' start keys (``gaps``).
+    """The paths of a file: one for any gap (``whole``), or one for each gap by its start key (``gaps``).
 
-    targets: the target keys that the file names, by start key. name: the file's, for messages.
+    targets: the target keys that the file gives, by start key. name: the file's, for messages.
     """
 
     whole: DrawnPath | None
@@ -60,27 +57,24 @@ class PathFile:
     name: str = "the drawn path"
 
     def of(self, start: int, target: int) -> DrawnPath | None:
-        """The line of the gap between two keys, None where the file has none for it.
-
-        Raises InputError where the file has the gap end at another key.
-        """
+        """The path of the gap between two keys, or None. Raises InputError where the file gives another target."""
         if self.whole is not None:
             return self.whole
-        said = self.targets.get(start, target)
-        if said != target:
+        given = self.targets.get(start, target)
+        if given != target:
             raise InputError(
-                f"{self.name}: the gap that starts at key {start} has target {said}, but the next key is {target}; "
+                f"{self.name}: the gap that starts at key {start} has target {given}, but the next key is {target}; "
                 f"correct the target or leave it out"
             )
         return self.gaps.get(start)
 
     def check(self, gaps: list[tuple[int, int]]) -> None:
-        """Raises InputError where the file does not fit the gaps (start, target) of a clip: a gap that is none, another
-        target, or one line for several gaps."""
+        """Raises InputError where the file does not fit the gaps (start, target) of a clip: no such gap, another
+        target, or one path for several gaps."""
         starts = [start for start, _ in gaps]
         if self.whole is not None and len(gaps) > 1:
             raise InputError(
-                f"{self.name} has one line, but there are {len(gaps)} gaps; give "
+                f"{self.name} has one path, but there are {len(gaps)} gaps; give "
                 f'{{"gaps": [{{"start": {starts[0]}, "points": ...}}, ...]}}'
             )
         for start in self.gaps:
@@ -92,10 +86,10 @@ class PathFile:
 
 
 def read(path: Path) -> PathFile:
-    """The line or lines of a JSON file.
+    """Reads the path or paths of a JSON file.
 
-    Raises InputError, naming the file and the place in it, for anything but the schema of the module's text with 1 to
-    10,000 points a line, all numbers finite and at most 10,000.
+    Raises InputError, with the file and the field, for anything but the schema above with 1 to 10,000 points a path and
+    finite numbers of at most 10,000.
     """
     held = _parsed(path)
     if not isinstance(held, dict):
@@ -114,15 +108,15 @@ def read(path: Path) -> PathFile:
             raise InputError(f'{place} is {_shown(entry)}; give an object, {{"start": 0, "points": [[x, z], ...]}}')
         if "start" not in entry:
             raise InputError(f"{place} has no start; give the key frame that the gap starts at")
-        line = _path(entry, f"{place}.", ("start", "target", *_FIELDS))
+        path_of_gap = _path(entry, f"{place}.", ("start", "target", *_FIELDS))
         start = _frame(entry["start"], f"{place}.start")
         if start in gaps:
-            raise InputError(f"{place}: the gap that starts at key {start} is given twice; leave one out")
+            raise InputError(f"{place}: the gap that starts at key {start} is given twice; remove one")
         if entry.get("target") is not None:
             targets[start] = _frame(entry["target"], f"{place}.target")
             if targets[start] <= start:
                 raise InputError(f"{place}: target {targets[start]} does not come after start {start}; correct one")
-        gaps[start] = line
+        gaps[start] = path_of_gap
     return PathFile(None, gaps, targets, str(path))
 
 
@@ -144,14 +138,14 @@ def _parsed(path: Path) -> Any:
     data = read_whole(path, LARGEST_FILE)
 
     def refused(constant: str) -> NoReturn:
-        raise InputError(f"{path} holds {constant}; give finite numbers")
+        raise InputError(f"{path} contains {constant}; give finite numbers")
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         made = dict(pairs)
         if len(made) < len(pairs):
             names = [name for name, _ in pairs]
             twice = next(name for name in names if names.count(name) > 1)
-            raise InputError(f"{path} has the field {_shown(twice)} twice in one object; leave one out")
+            raise InputError(f"{path} has the field {_shown(twice)} twice in one object; remove one")
         return made
 
     try:
@@ -165,22 +159,22 @@ def _parsed(path: Path) -> Any:
 
 
 def _path(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> DrawnPath:
-    """One line from an object; ``place`` is what its fields' names are put behind in messages."""
+    """One path from an object. ``place``: the prefix of its fields in messages."""
     _known(held, place, fields)
     points = held.get("points")
     if not isinstance(points, list) or not points:
-        said = "there are no points" if points is None else f"points is {_shown(points)}"
-        raise InputError(f"{place}{said}; give a list of at least one, [[x, z], ...] in metres")
+        problem = "there are no points" if points is None else f"points is {_shown(points)}"
+        raise InputError(f"{place}{problem}; give a list of at least one, [[x, z], ...] in metres")
     if len(points) > MOST_FILE_POINTS:
         raise InputError(f"{place}points has {len(points)} points; give {MOST_FILE_POINTS} at most")
-    line = np.array([_pair(point, f"{place}points[{i}]") for i, point in enumerate(points)])
-    apart = np.linalg.norm(np.diff(line, axis=0), axis=-1)
+    ground = np.array([_pair(point, f"{place}points[{i}]") for i, point in enumerate(points)])
+    apart = np.linalg.norm(np.diff(ground, axis=0), axis=-1)
     if len(apart) and apart.min() < SAME_POINT:
         at = int(np.argmin(apart))
-        raise InputError(f"{place}points[{at + 1}] repeats the point before it, {points[at + 1]}; leave one out")
-    times = None if held.get("times") is None else _times(held["times"], f"{place}times", len(line))
-    facing = None if held.get("facing") is None else _facing(held["facing"], f"{place}facing", len(line))
-    return DrawnPath(line, times, facing)
+        raise InputError(f"{place}points[{at + 1}] repeats the point before it, {points[at + 1]}; remove one")
+    times = None if held.get("times") is None else _times(held["times"], f"{place}times", len(ground))
+    facing = None if held.get("facing") is None else _facing(held["facing"], f"{place}facing", len(ground))
+    return DrawnPath(ground, times, facing)
 
 
 def _times(held: Any, place: str, count: int) -> Float[ndarray, "point"]:
@@ -204,11 +198,11 @@ def _facing(held: Any, place: str, count: int) -> Float[ndarray, "point"] | None
     if not isinstance(listed[0], list):
         degrees = np.array([_number(value, f"{place}[{i}]") for i, value in enumerate(listed)])
         return np.unwrap(np.radians(degrees))
-    ways = np.array([_pair(value, f"{place}[{i}]") for i, value in enumerate(listed)])
-    none = np.nonzero(np.linalg.norm(ways, axis=-1) < SAME_POINT)[0]
+    directions = np.array([_pair(value, f"{place}[{i}]") for i, value in enumerate(listed)])
+    none = np.nonzero(np.linalg.norm(directions, axis=-1) < SAME_POINT)[0]
     if len(none):
-        raise InputError(f"{place}[{none[0]}] is {listed[none[0]]}, which is no direction; give one that is not zero")
-    return np.unwrap(np.arctan2(ways[:, 0], ways[:, 1]))
+        raise InputError(f"{place}[{none[0]}] is {listed[none[0]]}, which has no direction; give one that is not zero")
+    return np.unwrap(np.arctan2(directions[:, 0], directions[:, 1]))
 
 
 def _known(held: dict[str, Any], place: str, fields: tuple[str, ...]) -> None:
@@ -250,7 +244,7 @@ def _frame(held: Any, place: str) -> int:
 
 
 def _shown(held: Any) -> str:
-    """What was found, short enough for a message."""
+    """A value, short enough for a message."""
     if isinstance(held, dict):
         return "an object"
     if isinstance(held, list) and (len(held) > 5 or any(isinstance(one, list | dict) for one in held)):
