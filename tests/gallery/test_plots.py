@@ -67,7 +67,7 @@ def test_the_three_pictures_are_written_in_the_projects_colours(gallery: Gallery
     for path in written:
         pixels = opened(path)
         tall, wide, _ = pixels.shape
-        assert wide == round(canvas.WIDTH * canvas.DPI) == 2400
+        assert wide == round(canvas.SHEET_WIDTH * canvas.DPI) == 2400
         assert 0.2 * wide < tall < 1.2 * wide
         colours, counts = np.unique(pixels.astype(int) @ [1 << 16, 1 << 8, 1], return_counts=True)
         shown = {f"#{colour:06x}": count for colour, count in zip(colours.tolist(), counts, strict=True)}
@@ -204,8 +204,8 @@ def test_the_stages_are_those_of_a_candidate_that_serves_the_query(gallery: Gall
 
 def test_a_candidate_is_shown_whose_steps_can_be_seen(gallery: Gallery) -> None:
     one = match.matched(gallery, 2.0)
-    assert min(abs(off) for off in one.off) >= match.TO_SEE
-    assert match.TURNED[0] <= abs(one.angle) <= match.TURNED[1]
+    assert min(abs(off) for off in one.off) >= match.LEAST_OFF
+    assert match.ANGLE_RANGE[0] <= abs(one.angle) <= match.ANGLE_RANGE[1]
 
 
 def test_where_nothing_is_as_long_the_nearest_is_shown(gallery: Gallery) -> None:
@@ -246,7 +246,7 @@ def test_a_distance_that_is_none_is_refused(gallery: Gallery, tmp_path: Path, di
 def test_a_folder_that_cannot_be_made_is_refused(gallery: Gallery, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(InputError, match="cannot be made"):
+        with pytest.raises(InputError, match="cannot be created"):
             plot(gallery, out)
 
 

@@ -1,9 +1,4 @@
-"""The gallery in pictures, after figures 3, 4 and 6 of Chu and Yang 2024; drawn with matplotlib.
-
-`variants` shows how different the ways are that one query finds, `distances` how far each style goes in a given time,
-`match` how one candidate is laid onto a query. Everything is seen from above; where a way has a straight line from end
-to end, that line runs to the right.
-"""
+"""Pictures of a gallery after figures 3, 4 and 6 of Chu and Yang 2024, seen from above; drawn with matplotlib."""
 
 from __future__ import annotations
 
@@ -15,16 +10,14 @@ from interpose.gallery.plots import canvas, distances, match, variants
 from interpose.gallery.store import Gallery
 from interpose.io.files import write_whole
 
-VARIANTS, DISTANCES, MATCH = "variants.png", "distances.png", "match.png"
-
 
 def plot(gallery: Gallery, out: Path, *, style: str | None = None, distance: float = 2.0, seed: int = 0) -> list[Path]:
-    """Writes the three pictures into the folder ``out``, made where it is missing, and gives their paths.
+    """Writes the three pictures into the folder ``out``, created where missing, and returns their paths.
 
-    style: whose ways are shown alone in `variants` and `match` and pointed out in `distances`. distance: of the queries
-    from start to target, metres. With equal seeds the pictures are the same. Raises InputError where matplotlib is not
-    installed, for a style that the gallery lacks, a distance that is none or that no way covers, and where the folder
-    cannot be made or written.
+    style: the only one shown in `variants` and `match`, highlighted in `distances`. distance: of the queries from start
+    to target, metres. Equal seeds give equal pictures. Raises InputError where matplotlib is not installed, for a style
+    that the gallery lacks, a distance that is not positive or that no path covers, and where the folder cannot be
+    written.
     """
     gallery.style_indices(style)
     if not (math.isfinite(distance) and distance > 0.0):
@@ -34,14 +27,14 @@ def plot(gallery: Gallery, out: Path, *, style: str | None = None, distance: flo
     covered = distances.covered(gallery.tracks)
     matched = match.matched(gallery, distance, style, seed)
     pictures = {
-        VARIANTS: variants.draw(shown, distance, style),
-        DISTANCES: distances.draw(covered, style),
-        MATCH: match.draw(matched),
+        "variants.png": variants.draw(shown, distance, style),
+        "distances.png": distances.draw(covered, style),
+        "match.png": match.draw(matched),
     }
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"the folder {out} cannot be made: {(error.strerror or str(error)).lower()}") from None
+        raise InputError(f"the folder {out} cannot be created: {(error.strerror or str(error)).lower()}") from None
     for name, picture in pictures.items():
         write_whole(out / name, picture)
     return [out / name for name in pictures]
