@@ -1,4 +1,4 @@
-"""Between a user's humanoid skeleton and the 22 joints inside the models, both ways."""
+"""Any humanoid skeleton to the 22 joints inside the models, and back."""
 
 from interpose.retarget.mapping import Mapping, describe, map_skeleton
 from interpose.retarget.transfer import from_humanoid, to_humanoid

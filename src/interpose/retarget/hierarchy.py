@@ -1,10 +1,4 @@
-"""Find hips, limbs and head in a skeleton whose names say nothing, from its hierarchy, its bone lengths and its shape.
-
-The hips are the joint that carries two like branches (the legs) and a third (the spine) on which another such pair (the
-arms) grows. Two branches are like when they have as many joints and bones of the same lengths. Along a limb, the two
-longest neighbouring bones are thigh and shin, or upper arm and forearm. Which side is left follows from where the feet
-point.
-"""
+"""Hips, limbs and head of a skeleton whose names say nothing, from its hierarchy, bone lengths and shape."""
 
 from __future__ import annotations
 
@@ -20,22 +14,25 @@ from interpose.motion import Motion
 from interpose.rotation import FORWARD
 from interpose.skeleton import ARM_BONES, LEG_BONES, Skeleton, global_positions, global_rotations
 
-_LIKE = 0.05  # bones that differ by less than this share are of the same length
-_FRAMES = 64  # of the motion, looked at to tell left from right
+_TOLERANCE = 0.05  # relative difference below which bones have the same length
+_SIDE_FRAMES = 64  # of a motion, used to tell left from right
 
 
 @dataclass(frozen=True)
 class _Limb:
-    """stem: the joint before the first long bone, if any. joints: from the first long bone to the end."""
+    """stem: the joint before the first long bone, if any. joints: from there to the end of the limb."""
 
     stem: int | None
     joints: list[int]
 
 
 def guess(skeleton: Skeleton, motion: Motion | None = None) -> dict[str, int] | None:
-    """Joints for the humanoid's hips, limbs and head, or None where the skeleton is no humanoid.
+    """Joints for the humanoid's hips, limbs and head, or None where the skeleton is not a humanoid.
 
-    The motion's frames are looked at where the rest pose does not show which side is left.
+    The hips carry two like branches (the legs) and a third (the spine) on which another such pair (the arms) grows.
+    Like branches have as many joints and bones of the same lengths. The two longest neighbouring bones of a limb are
+    thigh and shin, or upper arm and forearm. The feet show which side is left, in the rest pose or else in the motion's
+    frames.
     """
     tree = _Tree(skeleton)
     best: tuple[tuple[bool, float], int, tuple[int, int], int | None] | None = None
@@ -47,7 +44,7 @@ def guess(skeleton: Skeleton, motion: Motion | None = None) -> dict[str, int] | 
         chests = [j for j in others if tree.pair(j) is not None]
         chest = max(chests, key=tree.size, default=None)
         if chest is None and not tree.first(hips):
-            continue  # a pair without another above it: arms, unless nothing branches off before
+            continue  # a pair with none above it is a pair of arms, unless nothing branches before it
         rank = (chest is not None, tree.size(legs[0]))
         if best is None or rank > best[0]:
             best = (rank, hips, legs, chest)
@@ -60,8 +57,8 @@ def guess(skeleton: Skeleton, motion: Motion | None = None) -> dict[str, int] | 
     used = set(legs) if chest is None else set(arms or ())
     rising = [child for child in tree.children[hips if chest is None else chest] if child not in used]
     if rising:
-        line = tree.line(max(rising, key=tree.size))
-        found["Head"] = last = line[-1] if chest is None else line[min(1, len(line) - 1)]
+        chain = tree.chain(max(rising, key=tree.size))
+        found["Head"] = last = chain[-1] if chest is None else chain[min(1, len(chain) - 1)]
     thighs = [tree.limb(leg) for leg in legs]
     left = _left(skeleton, motion, hips, last, thighs)
     for pair, names, stem in (
@@ -86,19 +83,19 @@ class _Tree:
         self.lengths = np.linalg.norm(skeleton.offsets, axis=1)
 
     def below(self, joint: int) -> list[int]:
-        """The joint and all under it."""
+        """The joint and all below it."""
         return [joint] + [j for child in self.children[joint] for j in self.below(child)]
 
     def size(self, joint: int) -> float:
-        """The summed length of all bones under the joint."""
+        """The summed length of all bones below the joint, metres."""
         return float(sum(self.lengths[j] for j in self.below(joint)[1:]))
 
     def reach(self, joint: int) -> float:
-        """The length of the longest way down."""
+        """The length of the longest chain below the joint, metres."""
         return max((float(self.lengths[c]) + self.reach(c) for c in self.children[joint]), default=0.0)
 
-    def line(self, joint: int) -> list[int]:
-        """The joint and the longest way down, up to where several branches of joints part."""
+    def chain(self, joint: int) -> list[int]:
+        """The joint and the longest chain below it."""
         out = [joint]
         while self.children[out[-1]]:
             out.append(max(self.children[out[-1]], key=lambda c: float(self.lengths[c]) + self.reach(c)))
@@ -109,27 +106,27 @@ class _Tree:
         return next((j for j, below in enumerate(self.children) if len(below) > 1), None) == joint
 
     def limb(self, joint: int) -> _Limb:
-        """The longest way down, cut so that it begins with its two longest neighbouring bones."""
-        line = self.line(joint)
-        bones = self.lengths[line[1:]]
+        """The longest chain, cut so that it begins with its two longest neighbouring bones."""
+        chain = self.chain(joint)
+        bones = self.lengths[chain[1:]]
         start = int(np.argmax(bones[:-1] + bones[1:]))
-        return _Limb(line[start - 1] if start > 0 else None, line[start:])
+        return _Limb(chain[start - 1] if start > 0 else None, chain[start:])
 
     def pair(self, joint: int) -> tuple[int, int] | None:
         """The two longest branches below the joint that are like each other and long enough for a limb."""
-        grown = [c for c in self.children[joint] if len(self.line(c)) >= 3]
+        grown = [c for c in self.children[joint] if len(self.chain(c)) >= 3]
         like = [(a, b) for a, b in combinations(grown, 2) if self._like(a, b)]
         return max(like, key=lambda pair: self.size(pair[0]), default=None)
 
     def _like(self, a: int, b: int) -> bool:
         one, other = (np.sort(self.lengths[self.below(j)]) for j in (a, b))
-        return len(one) == len(other) and np.allclose(one, other, rtol=_LIKE, atol=_LIKE * float(one.max()))
+        return len(one) == len(other) and np.allclose(one, other, rtol=_TOLERANCE, atol=_TOLERANCE * float(one.max()))
 
 
 def _left(
     skeleton: Skeleton, motion: Motion | None, hips: int, top: int | None, legs: list[_Limb]
 ) -> Callable[[int], float]:
-    """A function that says how far to the character's left of the hips a joint lies."""
+    """A function from a joint to its distance to the left of the hips, up to scale."""
     zero = np.tile(np.array([0.0, 0.0, 0.0, 1.0]), (1, len(skeleton), 1))
     poses = global_positions(
         np.zeros((1, 3)), global_rotations(zero, skeleton.parents), skeleton.parents, skeleton.offsets
@@ -142,7 +139,7 @@ def _left(
 
     folded = any(float(np.sum(up(poses) * (poses[:, leg.joints[2]] - poses[:, leg.joints[0]]))) >= 0.0 for leg in legs)
     if folded and motion is not None:
-        poses = motion[:: max(1, len(motion) // _FRAMES)].global_positions()
+        poses = motion[:: max(1, len(motion) // _SIDE_FRAMES)].global_positions()
     forward = sum(poses[:, leg.joints[3]] - poses[:, leg.joints[2]] for leg in legs if len(leg.joints) > 3)
     if not isinstance(forward, ndarray):
         forward = np.broadcast_to(FORWARD, poses[:, hips].shape)

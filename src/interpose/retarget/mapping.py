@@ -1,9 +1,4 @@
-"""Which of a user's joints stands for which of the humanoid's, and how the two are turned against each other.
-
-The retargeting is that of docs/method.md, C10: global rotations relative to a common T-pose, the root's position
-scaled by the leg-length ratio. `rest_global` holds each source joint's global rotation when its character stands in
-the humanoid's T-pose, so that q_humanoid = q_source * inverse(rest_global) and q_source = q_humanoid * rest_global.
-"""
+"""Which joint of a skeleton stands for which of the humanoid's, and how the two are turned against each other."""
 
 from __future__ import annotations
 
@@ -18,24 +13,26 @@ from interpose.motion import Motion
 from interpose.retarget import naming, rest
 from interpose.skeleton import HUMANOID, Skeleton
 
-_ENDS = ("Head", "Hand", "Foot", "Toe")
-_ANKLE = -float(HUMANOID.offsets[HUMANOID.index("LeftToe"), 1])  # the toe joint of a flat foot lies on the floor
+_END_BONES = ("Head", "Hand", "Foot", "Toe")
+_ANKLE_HEIGHT = -float(HUMANOID.offsets[HUMANOID.index("LeftToe"), 1])  # the toe joint of a flat foot is on the floor
 
 MOST_SPARE = 0.4
-"""Share of a skeleton's bone length that may lack a counterpart; with more (further legs, a tail) it is no humanoid."""
+"""Share of a skeleton's bone length that may be unmapped; with more (more legs, a tail) it is not a humanoid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mapping:
     """How `skeleton` stands for the humanoid; made by :func:`map_skeleton`.
 
-    profile: the family of rigs that was recognised, or how the joints were found.
+    profile: the recognised family of rigs, or how the joints were found.
     joints: for each of the 22 joints the source joint, or None.
-    rest_global: (22, 4), rotation of the source joint in the humanoid's T-pose (identity where there is none).
-    scale: source metres times this are the humanoid's. lift: metres added to the height after scaling, which keeps
-    the soles of both on the same floor. hip_centre: (3,), the point midway between the thighs in the hips' own frame.
-    torso: source joints without a counterpart that lie between mapped joints of the spine or neck; they are bent
-    with their neighbours. All others without a counterpart keep their rest rotation.
+    rest_global: global rotation of each source joint when its character stands in the humanoid's T-pose (identity where
+    there is none), so that q_humanoid = q_source * inverse(rest_global) and q_source = q_humanoid * rest_global.
+    scale: the humanoid's metres for one of the source, from the lengths of the legs. lift: metres added to the height
+    after scaling, which keeps both soles on the same floor. hip_centre: the point midway between the thighs in the
+    hips' own frame, metres.
+    torso: unmapped source joints between mapped joints of the spine or neck, which bend with their neighbours. All
+    other unmapped joints keep their rest rotation.
     """
 
     profile: str
@@ -61,24 +58,24 @@ class Mapping:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The humanoid's joints that the source does not have."""
+        """The humanoid's joints that the source lacks."""
         return tuple(name for name, source in self.pairs().items() if source is None)
 
     @property
     def unmapped(self) -> tuple[str, ...]:
-        """The source joints that the humanoid does not have."""
+        """The source joints that the humanoid lacks."""
         used = set(self.joints)
         return tuple(name for j, name in enumerate(self.skeleton.names) if j not in used)
 
     @property
     def spare(self) -> float:
-        """The share of the bone length that leads to no joint of the humanoid; fingers, toes and hair do not count."""
+        """The unmapped share of the bone length, without what hangs on head, hands and feet (fingers, toes, hair)."""
         parents, lengths = self.skeleton.parents, np.linalg.norm(self.skeleton.offsets, axis=1)
         kept = {joint for joint in self.joints if joint is not None}
         for joint in range(len(parents) - 1, 0, -1):  # what leads to a joint of the humanoid
             if joint in kept:
                 kept.add(parents[joint])
-        ends = {j for n, j in zip(HUMANOID.names, self.joints, strict=True) if n.endswith(_ENDS)}
+        ends = {j for n, j in zip(HUMANOID.names, self.joints, strict=True) if n.endswith(_END_BONES)}
         for joint in range(1, len(parents)):  # what hangs on the head, the hands and the feet
             if parents[joint] in ends:
                 ends.add(joint)
@@ -86,10 +83,10 @@ class Mapping:
 
 
 def map_skeleton(source: Skeleton | Motion) -> Mapping:
-    """Find the humanoid in a skeleton; a motion's frames are looked at only where its rest pose says nothing.
+    """Finds the humanoid in a skeleton. The frames of a motion are used only where the rest pose shows no body.
 
-    Raises InputError where there are no hips or no whole legs, naming them, and where joints that no known family of
-    rigs has leave more than :data:`MOST_SPARE` of the skeleton without a counterpart.
+    Raises InputError where hips or legs are missing, naming them, and where a rig of no known family leaves more than
+    :data:`MOST_SPARE` of its bone length unmapped.
     """
     motion = source if isinstance(source, Motion) else None
     skeleton = source.skeleton if isinstance(source, Motion) else source
@@ -106,7 +103,7 @@ def map_skeleton(source: Skeleton | Motion) -> Mapping:
         found.joints,
         stance.rest_global,
         scale,
-        _ANKLE - scale * stance.ankle_height,
+        _ANKLE_HEIGHT - scale * stance.ankle_height,
         stance.hip_centre,
         found.torso,
     )
@@ -120,7 +117,7 @@ def map_skeleton(source: Skeleton | Motion) -> Mapping:
 
 
 def describe(motion: Motion, mapping: Mapping) -> list[tuple[str, str]]:
-    """Rows of (what, value) for a person: the clip, the mapping joint by joint, and what has no counterpart."""
+    """Rows of (name, value) for display: the clip, the mapping joint by joint, and the unmapped joints."""
     pairs = mapping.pairs()
     rows = [
         ("profile", mapping.profile),

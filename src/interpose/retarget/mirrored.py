@@ -1,12 +1,4 @@
-"""A pose of any humanoid rig in its own mirror: left and right exchanged, the hips where they are and as they face.
-
-Let S be the reflection at the upright plane through the hips that they face along, and S0 the one at x = 0, which
-exchanges the sides of the T-pose. With R_j a joint's global rotation in the T-pose and T_j = G_j R_j^-1 what it has
-turned since, the joint b on the other side from a gets T_b' = S T_a S0, so G_b' = S G_a R_a^-1 S0 R_b. `rest_global`
-has R of the 22 joints. Every other joint takes that of the nearest of the 22 above it: in the rest pose of a BVH all
-frames are parallel, so that a joint which keeps its rest rotation keeps it in the mirror. Their counterparts are found
-by their names; a joint without one is its own.
-"""
+"""Mirrored poses of any humanoid rig: left and right exchanged, the hips in place and facing as before."""
 
 from __future__ import annotations
 
@@ -26,14 +18,21 @@ from interpose.retarget.naming import split_side
 from interpose.rotation import UP
 from interpose.skeleton import MIRROR, Skeleton
 
-_SWAP = {"Left": "Right", "Right": "Left"}
-_ALONE = re.compile(r"[^A-Za-z0-9]([lrLR])(?=[^A-Za-z0-9])")
-_SIDES = np.array([-1.0, 1.0, 1.0])
+_OTHER_SIDE = {"Left": "Right", "Right": "Left"}
+_LONE_SIDE = re.compile(r"[^A-Za-z0-9]([lrLR])(?=[^A-Za-z0-9])")
+_REFLECTION = np.array([-1.0, 1.0, 1.0])
 """The reflection at x = 0."""
 
 
 def mirrored(motion: Motion, mapping: Mapping) -> Motion:
-    """Every frame of ``motion`` in its own mirror. Twice gives the motion back."""
+    """Every frame of ``motion`` mirrored at the upright plane through its hips, along their facing. Twice gives the
+    motion back.
+
+    Let S be that reflection and S0 the one at x = 0, which exchanges the sides of the T-pose. With R_j a joint's global
+    rotation in the T-pose and T_j = G_j R_j^-1 what it has turned since, the joint b opposite to a gets T_b' = S T_a
+    S0, so G_b' = S G_a R_a^-1 S0 R_b. Unmapped joints take R from the nearest mapped joint above them: the rest frames
+    of a BVH are parallel, so a joint that keeps its rest rotation keeps it in the mirror.
+    """
     skeleton, hips = mapping.skeleton, mapping.hips
     other, rest = counterparts(mapping), _rests(mapping)
     world = motion.global_rotations()
@@ -41,12 +40,12 @@ def mirrored(motion: Motion, mapping: Mapping) -> Motion:
     facing = _facing(rotation.multiply(world[:, hips], rotation.inverse(rest[hips])))
 
     def reflected(vectors: Float[ndarray, "frame *rest 3"]) -> Float[ndarray, "frame *rest 3"]:
-        """Seen in each frame's mirror."""
+        """Vectors in each frame's mirror."""
         back = facing.reshape(len(facing), *[1] * (vectors.ndim - 2), 4)
-        return rotation.rotate(back, rotation.rotate(rotation.inverse(back), vectors) * _SIDES)
+        return rotation.rotate(back, rotation.rotate(rotation.inverse(back), vectors) * _REFLECTION)
 
     turned = rotation.multiply(world, rotation.inverse(rest)[None])[:, other]
-    # S T S0 is a rotation: S = Y S0 Y^-1 with the facing Y, and S0 Q S0 turns about the mirrored axis the other way.
+    # S = Y S0 Y^-1 with the facing Y; S0 Q S0 is the rotation about the mirrored axis in the opposite direction.
     inner = rotation.multiply(rotation.inverse(facing)[:, None], turned) * [1.0, -1.0, -1.0, 1.0]
     made = rotation.multiply(rotation.multiply(facing[:, None], inner), rest[None])
     moved = None if motion.translations is None else _moved(motion.translations, skeleton, other, rest)
@@ -60,7 +59,7 @@ def mirrored(motion: Motion, mapping: Mapping) -> Motion:
 
 
 def counterparts(mapping: Mapping) -> Int[ndarray, "joint"]:
-    """For each joint of the rig the one on its other side; itself where it lies in the middle or has none."""
+    """For each joint of the rig its counterpart on the other side, by mapping or by name; itself where it has none."""
     skeleton = mapping.skeleton
     other = list(range(len(skeleton)))
     for ours, joint in enumerate(mapping.joints):
@@ -74,11 +73,11 @@ def counterparts(mapping: Mapping) -> Int[ndarray, "joint"]:
         if joint not in used:
             named.setdefault(one, []).append(joint)
     for joint, parent in enumerate(skeleton.parents):  # parents come first
-        side, word = sides[joint]
+        side, base = sides[joint]
         if joint in used or not side:
             continue
-        found = [j for j in named.get((_SWAP[side], word), []) if skeleton.parents[j] == other[parent]]
-        own = [j for j in named[side, word] if skeleton.parents[j] == parent]
+        found = [j for j in named.get((_OTHER_SIDE[side], base), []) if skeleton.parents[j] == other[parent]]
+        own = [j for j in named[side, base] if skeleton.parents[j] == parent]
         if len(found) == len(own):
             other[joint] = found[own.index(joint)]
     return np.array(other)
@@ -87,28 +86,28 @@ def counterparts(mapping: Mapping) -> Int[ndarray, "joint"]:
 def _sides(names: Sequence[str]) -> list[tuple[str, str]]:
     """For each joint its side, "" where it has none, and the rest of its name.
 
-    Beyond `naming.split_side`, a side in the middle of a name counts ("thigh.L.001"), and one that is only a letter
-    before a word, where the other side has that word, too ("lhipjoint", "rhipjoint").
+    Beyond `naming.split_side`, a side in the middle of a name counts ("thigh.L.001"), and an initial l or r where the
+    same name exists with the other ("lhipjoint", "rhipjoint").
     """
     out = [_split(name) for name in names]
-    words = {word for side, word in out if not side}
-    for i, (side, word) in enumerate(out):
-        letter = word[:1]
-        if not side and letter in ("l", "r") and ("r" if letter == "l" else "l") + word[1:] in words:
-            out[i] = ("Left" if letter == "l" else "Right"), word[1:]
+    bases = {base for side, base in out if not side}
+    for i, (side, base) in enumerate(out):
+        initial = base[:1]
+        if not side and initial in ("l", "r") and ("r" if initial == "l" else "l") + base[1:] in bases:
+            out[i] = ("Left" if initial == "l" else "Right"), base[1:]
     return out
 
 
 def _split(name: str) -> tuple[str, str]:
-    side, word = split_side(name)
-    found = None if side else _ALONE.search(name)
+    side, base = split_side(name)
+    found = None if side else _LONE_SIDE.search(name)
     if found is None:
-        return side, word
+        return side, base
     return ("Left" if found[1].lower() == "l" else "Right"), name[: found.start()] + name[found.end() :]
 
 
 def _facing(turned: Float[ndarray, "frame 4"]) -> Float[ndarray, "frame 4"]:
-    """The turn about the vertical that hips have made since the T-pose."""
+    """The rotation of the hips about the vertical since the T-pose."""
     return rotation.twist(turned, UP)
 
 
@@ -128,9 +127,9 @@ def _moved(
     other: Int[ndarray, "joint"],
     rest: Float[ndarray, "joint 4"],
 ) -> Float[ndarray, "frame joint 3"]:
-    """Places of joints in their parents' frames: what each differs from the rest pose is seen in the mirror."""
+    """Joint positions in their parents' frames, their differences from the rest pose mirrored."""
     parents = np.maximum(np.array(skeleton.parents), 0)
     differs = (translations - skeleton.offsets)[:, other]
     above, across = rest[parents], rest[parents[other]]
-    turned = rotation.rotate(across, differs) * _SIDES
+    turned = rotation.rotate(across, differs) * _REFLECTION
     return skeleton.offsets + rotation.rotate(rotation.inverse(above), turned)

@@ -1,4 +1,4 @@
-"""Find the humanoid's joints in a skeleton: by names where a profile fits, by the hierarchy where none does."""
+"""The humanoid's joints in a skeleton: by a profile's names, by similar names, or by the hierarchy."""
 
 from __future__ import annotations
 
@@ -25,16 +25,12 @@ _SYNONYMS = {
     "ForeArm": "forearm lowerarm loarm elbow radius armlower",
     "Hand": "hand wrist palm",
 }
-_SIDED_WORDS = {word for role, words in _SYNONYMS.items() if role not in ("Hips", "Head") for word in words.split()}
+_SIDED_NAMES = {name for role, names in _SYNONYMS.items() if role not in ("Hips", "Head") for name in names.split()}
 
 
 @dataclass(frozen=True)
 class NamedJoints:
-    """The humanoid in a skeleton.
-
-    joints: for each of the 22 the source joint or None. torso: joints without a counterpart between mapped ones of the
-    spine or neck. known: the profile, where one fits.
-    """
+    """The humanoid in a skeleton. known: the profile, where one fits. joints, torso: as in `mapping.Mapping`."""
 
     profile: str
     known: Profile | None
@@ -43,9 +39,9 @@ class NamedJoints:
 
 
 def find(skeleton: Skeleton, motion: Motion | None = None) -> NamedJoints:
-    """The best profile's joints; else those of similar names; else those that the hierarchy suggests.
+    """The joints of the best profile, else those with similar names, else those found by the hierarchy.
 
-    Raises InputError naming the hips or leg joints that cannot be found.
+    Raises InputError, naming the hips or leg joints that are missing.
     """
     candidates = [(profile, _by_profile(skeleton, profile)) for profile in PROFILES]
     fitting = [(profile, limbs) for profile, limbs in candidates if _usable(skeleton, limbs)]
@@ -68,15 +64,16 @@ def find(skeleton: Skeleton, motion: Motion | None = None) -> NamedJoints:
 
 
 def split_side(name: str) -> tuple[str, str]:
-    """("Left", "Right" or "", the rest of the name, plain): "L_Thigh", "thigh.l" and "LeftThigh" give the same."""
-    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", bare(name))
+    """The side ("Left", "Right" or "") and the rest of a joint's name: "L_Thigh", "thigh.l" and "LeftThigh" are the
+    same."""
+    tokens = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", bare(name))
     for spelled, side in (("left", "Left"), ("right", "Right"), ("l", "Left"), ("r", "Right")):
         for position in (0, -1):
-            if words and words[position].lower() == spelled:
-                del words[position]
-                return side, "".join(words).lower()
-    joined = "".join(words).lower()
-    if joined[1:] in _SIDED_WORDS and joined[0] in "lr":
+            if tokens and tokens[position].lower() == spelled:
+                del tokens[position]
+                return side, "".join(tokens).lower()
+    joined = "".join(tokens).lower()
+    if joined[1:] in _SIDED_NAMES and joined[0] in "lr":
         return ("Left" if joined[0] == "l" else "Right"), joined[1:]
     for spelled, side in (("left", "Left"), ("right", "Right")):
         if joined.startswith(spelled):
@@ -98,20 +95,20 @@ def _by_synonyms(skeleton: Skeleton) -> dict[str, int]:
     for joint, name in enumerate(skeleton.names):
         sided.setdefault(split_side(name), joint)
     found: dict[str, int] = {}
-    for role, words in _SYNONYMS.items():
+    for role, names in _SYNONYMS.items():
         for side in ("",) if role in ("Hips", "Head") else ("Left", "Right"):
-            joints = [sided[side, word] for word in words.split() if (side, word) in sided]
+            joints = [sided[side, name] for name in names.split() if (side, name) in sided]
             joint = next((joint for joint in joints if joint not in found.values()), None)
             if joint is not None:
                 found[side + role] = joint
-    for side in ("Left", "Right"):  # a lone "shoulder" is the upper arm: the collar is what may be absent
+    for side in ("Left", "Right"):  # a lone "shoulder" is the upper arm, as rigs may lack a collar
         if side + "Arm" not in found and side + "Shoulder" in found and side + "ForeArm" in found:
             found[side + "Arm"] = found.pop(side + "Shoulder")
     return found
 
 
 def _usable(skeleton: Skeleton, limbs: dict[str, int]) -> bool:
-    """Whether hips and legs are there and every limb's joints hang below one another and below the hips."""
+    """Whether hips and legs exist, and each limb's joints descend from one another and from the hips."""
     if any(name not in limbs for name in REQUIRED) or len(set(limbs.values())) < len(limbs):
         return False
     for name, joint in limbs.items():
@@ -132,22 +129,22 @@ def _ancestors(skeleton: Skeleton, joint: int) -> list[int]:
 
 
 def _complete(skeleton: Skeleton, name: str, known: Profile | None, limbs: dict[str, int]) -> NamedJoints:
-    """Add spine and neck, which lie between the hips and the arms or the head.
+    """Adds spine and neck, the joints between the hips and the arms or the head.
 
-    Of the spine's joints the last is Spine2, the first of two or more Spine, and the middle one of three or more Spine1
-    (100STYLE's Chest, Chest2, Chest4); of the neck's joints the first is Neck.
+    The spine's last joint is Spine2, the first of two or more Spine, and the middle one of three or more Spine1
+    (100STYLE's Chest, Chest2, Chest4). The neck's first joint is Neck.
     """
     limbs = dict(limbs)
 
     def above(joint: int) -> list[int]:
-        line = _ancestors(skeleton, joint)
-        return line[: line.index(limbs["Hips"])][::-1]
+        ancestors = _ancestors(skeleton, joint)
+        return ancestors[: ancestors.index(limbs["Hips"])][::-1]
 
     tops = [limbs[s + "Shoulder"] if s + "Shoulder" in limbs else limbs.get(s + "Arm") for s in ("Left", "Right")]
     arms = [above(joint) for joint in tops if joint is not None]
     head = above(limbs["Head"]) if "Head" in limbs else []
-    lines = arms or [head[:-1] or head]  # without arms the joint below the head is taken for the neck
-    spine = [joint for joint in lines[0] if all(joint in line for line in lines)]
+    chains = arms or [head[:-1] or head]  # without arms the joint below the head counts as the neck
+    spine = [joint for joint in chains[0] if all(joint in chain for chain in chains)]
     if spine:
         limbs["Spine2"] = spine[-1]
     if len(spine) > 1:

@@ -1,9 +1,7 @@
-"""Joint frames read from a motion, for rigs of unknown family whose rest pose does not show a body.
+"""Joint frames read from a motion, for rigs of no known family whose rest pose does not show a body.
 
-The last resort of `rest.py`. It rests on three observations: people are mostly upright, with the torso's joints in
-line; knees bend backwards about the left axis and elbows forwards; rigs whose bones lie along one axis have their other
-axes square to the body. Directions are averaged over the frames in each joint's own frame, those of the hinges weighted
-by how far they are bent.
+Relies on three facts: people are mostly upright; knees bend backward and elbows forward; rigs whose bones lie along one
+axis have their other axes square to the body.
 """
 
 from __future__ import annotations
@@ -19,11 +17,11 @@ from interpose import rotation
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 
-_FRAMES = 256
-_WRIST = np.radians(75.0)  # a hand turned by less on average is a turned hand, not a turned frame
-_LOW = 0.1  # share of the frames taken to show the foot on the floor
-_FAINT = 0.05  # weight of the torso's own directions beside those of a bent limb
-SQUARES = tuple(
+_OBSERVED_FRAMES = 256
+_MOST_WRIST_TURN = np.radians(75.0)  # a hand that is turned by less on average is turned itself, not its frame
+_LOW_SHARE = 0.1  # share of the frames, the lowest, that show the foot on the floor
+_MINOR = 0.05  # weight of the torso's directions against those of a bent limb
+_AXIS_FRAMES = tuple(
     m
     for order in itertools.permutations(range(3))
     for signs in itertools.product((1.0, -1.0), repeat=3)
@@ -32,15 +30,18 @@ SQUARES = tuple(
 
 
 def square(frame: Float[ndarray, "3 3"], within: float) -> Float[ndarray, "3 3"]:
-    """The frame along the axes that is nearest, if it is less than ``within`` radians away; else the frame itself."""
-    nearest = max(SQUARES, key=lambda m: float(np.trace(m.T @ frame)))
+    """The nearest frame along the axes if it is less than ``within`` radians away, else the frame itself."""
+    nearest = max(_AXIS_FRAMES, key=lambda m: float(np.trace(m.T @ frame)))
     turn = rotation.from_matrix(nearest.T @ frame)
     return nearest if float(rotation.angle(turn)) < within else frame
 
 
 def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndarray, "4"]]:
-    """For the joints found, the rotation from their own axes to those of a T-pose with feet pointed down."""
-    motion = motion[:: max(1, len(motion) // _FRAMES)]
+    """For each joint the rotation from its own axes to those of a T-pose with feet pointed down.
+
+    Directions are averaged over the frames in each joint's own frame, those of hinges weighted by their bend.
+    """
+    motion = motion[:: max(1, len(motion) // _OBSERVED_FRAMES)]
     world, points = motion.global_rotations(), motion.global_positions()
     at = {name: points[:, joint] for name, joint in joints.items()}
     top = next((at[n] for n in ("Head", "Neck", "Spine2", "LeftArm") if n in at), at["Hips"] + rotation.UP)
@@ -53,7 +54,7 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
         return rotation.rotate(rotation.inverse(world[:, joints[name]]), v).mean(axis=0)
 
     def put(name: str, first: Float[ndarray, "3"], second: Float[ndarray, "3"], ours: Float[ndarray, "3 3"]) -> None:
-        """Bring the joint's direction `first`, and `second` as far as it can, to the first two columns of `ours`."""
+        """Brings the direction `first`, and `second` as far as possible, to the first two columns of `ours`."""
         first = _unit(first)
         second = _unit(second - (second @ first) * first)
         theirs = np.stack([first, second, np.cross(first, second)], axis=1)
@@ -70,10 +71,10 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
         thigh, shin, foot, toe = (side + part for part in ("UpLeg", "Leg", "Foot", "Toe"))
         hinge = np.cross(_unit(at[shin] - at[thigh]), _unit(at[foot] - at[shin]))
         for bone, child in ((thigh, shin), (shin, foot)):
-            put(bone, own(bone, at[child] - at[bone]), own(bone, hinge + _FAINT * left), basis((0, -1, 0), (1, 0, 0)))
+            put(bone, own(bone, at[child] - at[bone]), own(bone, hinge + _MINOR * left), basis((0, -1, 0), (1, 0, 0)))
         if toe in joints:
             hinge = np.cross(_unit(at[toe] - at[foot]), _unit(at[foot] - at[shin]))
-            put(foot, own(foot, at[toe] - at[foot]), own(foot, hinge + _FAINT * left), basis((0, -1, 0), (1, 0, 0)))
+            put(foot, own(foot, at[toe] - at[foot]), own(foot, hinge + _MINOR * left), basis((0, -1, 0), (1, 0, 0)))
             out[toe] = rotation.multiply(out[foot], _mean_turn(world, joints[foot], joints[toe]))
         collar, arm, fore, hand = (side + part for part in ("Shoulder", "Arm", "ForeArm", "Hand"))
         if collar in joints and arm in joints:
@@ -81,11 +82,11 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
         if arm in joints and fore in joints and hand in joints:
             upper, lower = _unit(at[fore] - at[arm]), _unit(at[hand] - at[fore])
             hinge = np.cross(upper, lower)
-            for bone, line in ((arm, upper), (fore, lower)):
-                ahead = np.cross(hinge, line) + _FAINT * forward
-                put(bone, own(bone, line), own(bone, ahead), basis((sign, 0, 0), (0, 0, 1)))
+            for bone, along in ((arm, upper), (fore, lower)):
+                ahead = np.cross(hinge, along) + _MINOR * forward
+                put(bone, own(bone, along), own(bone, ahead), basis((sign, 0, 0), (0, 0, 1)))
             turn = _mean_turn(world, joints[fore], joints[hand])
-            if float(rotation.angle(turn)) < _WRIST:
+            if float(rotation.angle(turn)) < _MOST_WRIST_TURN:
                 turn = rotation.IDENTITY
             out[hand] = rotation.multiply(out[fore], rotation.from_matrix(square(rotation.to_matrix(turn), np.pi)))
     for name, joint in joints.items():
@@ -97,18 +98,18 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
 
 
 def planted(motion: Motion, joints: dict[str, int]) -> tuple[float, float] | None:
-    """The ankle's height and the downward pitch of the bone from ankle to toe where the feet are lowest.
+    """The ankle's height (metres) and the downward pitch from ankle to toe (radians) where the feet are lowest.
 
-    None where the skeleton has no toes or where what is seen is no planted foot: a pitch outside 10 to 60 degrees, or
-    an ankle less than 4 or more than 25 hundredths of the leg above the floor.
+    None where the skeleton has no toes or the foot is not planted: a pitch outside 10 to 60 degrees, or an ankle lower
+    than 4 or higher than 25 hundredths of the leg.
     """
     if "LeftToe" not in joints or "RightToe" not in joints:
         return None
-    points = motion[:: max(1, len(motion) // _FRAMES)].global_positions()
+    points = motion[:: max(1, len(motion) // _OBSERVED_FRAMES)].global_positions()
     heights, pitches, legs = [], [], []
     for side in ("Left", "Right"):
         knee, ankle, toe = (points[:, joints[side + part]] for part in ("Leg", "Foot", "Toe"))
-        low = np.argsort(ankle[:, 1] + toe[:, 1])[: max(1, int(_LOW * len(points)))]
+        low = np.argsort(ankle[:, 1] + toe[:, 1])[: max(1, int(_LOW_SHARE * len(points)))]
         bone = toe[low] - ankle[low]
         heights.append(float(np.median(ankle[low, 1])))
         pitches.append(float(np.median(np.arctan2(-bone[:, 1], np.hypot(bone[:, 0], bone[:, 2])))))

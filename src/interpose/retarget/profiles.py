@@ -1,8 +1,6 @@
-"""What is known of common humanoid skeletons: their joint names, and their joint frames where the rest pose hides them.
+"""Joint names of common humanoid rigs, and their joint frames where the rest pose hides them.
 
-Only the hips, the head and the limbs are named here; the spine and the neck are read from the hierarchy between them
-(`naming.py`), because their number varies within one family of rigs. Heights and angles were measured on planted feet
-(both joints slower than 0.15 m/s) of the public LaFAN1, 100STYLE and Bandai-Namco clips.
+Spine and neck are read from the hierarchy (`naming`), because their number varies within a family of rigs.
 """
 
 from __future__ import annotations
@@ -15,11 +13,11 @@ from interpose.skeleton import ARM_BONES, LEG_BONES
 
 @dataclass(frozen=True)
 class JointFrames:
-    """How joint frames lie in a T-pose, for rigs whose rest pose (all rotations zero) is not a human pose.
+    """Joint frames in a T-pose, for rigs whose rest pose (all rotations zero) is not a human pose.
 
-    Each string names the joint's own axes that point to the character's left, up and forward, as in "+z +x +y".
-    foot_pitch: how far the bone from ankle to toe points down when the sole is flat, radians, None where it is the
-    humanoid's; toe_bend: how far the toe is turned up from the foot then, radians.
+    Each string gives the joint's own axes that point to the character's left, up and forward, as in "+z +x +y".
+    foot_pitch: downward pitch from ankle to toe of a flat foot, radians, None for the humanoid's. toe_bend: upward turn
+    of the toe from the foot then, radians. Measured on planted feet (both joints slower than 0.15 m/s).
     """
 
     hips: str
@@ -34,11 +32,11 @@ class JointFrames:
 
 @dataclass(frozen=True)
 class Profile:
-    """Joint names of one family of rigs; "*" stands for the side, spelled as `sides` says (left, right).
+    """Joint names of one family of rigs; "*" stands for the side, spelled as in ``sides`` (left, right).
 
-    legs: thigh, shin, foot, toe; arms: collar, upper arm, forearm, hand.
-    ankle_height: of a flat foot above the floor, as a share of the leg's length, where it was measured.
-    mark: a joint that tells this family from others with the same limbs; empty where none is needed.
+    legs: thigh, shin, foot, toe. arms: collar, upper arm, forearm, hand. ankle_height: of a flat foot, as a share of
+    the leg's length, where it was measured. mark: a joint that distinguishes this family from others with the same
+    limbs.
     """
 
     name: str
@@ -52,7 +50,7 @@ class Profile:
     mark: str = ""
 
     def joints(self) -> dict[str, str]:
-        """The humanoid's joint names with this family's names for them, spine and neck left out."""
+        """This family's name for each joint of the humanoid but spine and neck."""
         named = {"Hips": self.hips, "Head": self.head}
         for side, spelled in zip(("Left", "Right"), self.sides, strict=True):
             for ours, theirs in zip((*LEG_BONES, *ARM_BONES), (*self.legs.split(), *self.arms.split()), strict=True):
@@ -60,7 +58,7 @@ class Profile:
         return named
 
 
-_LAFAN1 = JointFrames(
+_LAFAN1_FRAMES = JointFrames(
     hips="+z +x +y",
     torso="+z +x +y",
     left_leg="-z -x +y",
@@ -68,9 +66,9 @@ _LAFAN1 = JointFrames(
     left_arm="+x +z -y",
     right_arm="-x -z -y",
     foot_pitch=None,
-    toe_bend=0.37446,  # 21.455 degrees in every frame: LaFAN1's toes are not captured
+    toe_bend=0.37446,  # 21.455 degrees in every frame, as LaFAN1's toes were not captured
 )
-_BANDAI = JointFrames(
+_BANDAI_FRAMES = JointFrames(
     hips="-y +x +z",
     torso="+z +x +y",
     left_leg="+y -x +z",
@@ -81,8 +79,8 @@ _BANDAI = JointFrames(
     toe_bend=0.285,  # 16.3 degrees
 )
 
-_LARGE = ("L", "R")
-_SMALL = ("l", "r")
+_UPPER = ("L", "R")
+_LOWER = ("l", "r")
 
 PROFILES = (
     Profile(
@@ -92,7 +90,7 @@ PROFILES = (
         "*UpLeg *Leg *Foot *Toe",
         "*Shoulder *Arm *ForeArm *Hand",
         ankle_height=0.0745 / 0.8587,
-        frames=_LAFAN1,
+        frames=_LAFAN1_FRAMES,
     ),
     Profile(
         "100STYLE", "Hips", "Head", "*Hip *Knee *Ankle *Toe", "*Collar *Shoulder *Elbow *Wrist", ankle_height=0.1345
@@ -103,27 +101,37 @@ PROFILES = (
         "Head",
         "UpperLeg_* LowerLeg_* Foot_* Toes_*",
         "Shoulder_* UpperArm_* LowerArm_* Hand_*",
-        _LARGE,
+        _UPPER,
         ankle_height=0.1461,
-        frames=_BANDAI,
+        frames=_BANDAI_FRAMES,
     ),
     Profile("Mixamo", "Hips", "Head", "*UpLeg *Leg *Foot *ToeBase", "*Shoulder *Arm *ForeArm *Hand"),
     Profile("CMU", "Hips", "Head", "*UpLeg *Leg *Foot *ToeBase", "*Shoulder *Arm *ForeArm *Hand", mark="LHipJoint"),
-    Profile("CMU", "hip", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _SMALL),
-    Profile("CMU", "root", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _SMALL),
-    Profile("CMU", "hip", "head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _SMALL),
+    Profile("CMU", "hip", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _LOWER),
+    Profile("CMU", "root", "head", "*femur *tibia *foot *toes", "*clavicle *humerus *radius *wrist", _LOWER),
+    Profile("CMU", "hip", "head", "*Thigh *Shin *Foot *Toe", "*Collar *Shldr *ForeArm *Hand", _LOWER),
     Profile("Rokoko", "Hips", "Head", "*Thigh *Shin *Foot *Toe", "*Shoulder *Arm *ForeArm *Hand"),
-    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist", _LARGE),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist", _UPPER),
     Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist"),
-    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _LARGE),
+    Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _UPPER),
     Profile(
-        "Unreal", "pelvis", "head", "thigh_* calf_* foot_* ball_*", "clavicle_* upperarm_* lowerarm_* hand_*", _SMALL
+        "Unreal",
+        "pelvis",
+        "head",
+        "thigh_* calf_* foot_* ball_*",
+        "clavicle_* upperarm_* lowerarm_* hand_*",
+        _LOWER,
     ),
     Profile(
-        "Rigify", "spine", "spine.006", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _LARGE
+        "Rigify",
+        "spine",
+        "spine.006",
+        "thigh.* shin.* foot.* toe.*",
+        "shoulder.* upper_arm.* forearm.* hand.*",
+        _UPPER,
     ),
-    Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _LARGE),
-    Profile("Biped", "Pelvis", "Head", "*Thigh *Calf *Foot *Toe0", "*Clavicle *UpperArm *Forearm *Hand", _LARGE),
+    Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _UPPER),
+    Profile("Biped", "Pelvis", "Head", "*Thigh *Calf *Foot *Toe0", "*Clavicle *UpperArm *Forearm *Hand", _UPPER),
 )
 
 _PREFIX = re.compile(

@@ -1,10 +1,6 @@
 """How each joint is turned when the character stands in the humanoid's T-pose.
 
-A rest pose (all rotations zero) that shows a standing, A-posed or lying body says it by itself: the body's left, up and
-forward give the torso's frame, and each limb bone is brought to its T-pose direction by the smallest rotation, parents
-first, so that its twist is kept. In rigs whose bones all lie along one axis (LaFAN1, Bandai-Namco) the rest pose shows
-nothing; there the joint frames of the profile are used, and for rigs of no known family they are read from the motion
-(`observe.py`).
+It is read from the rest pose where that shows a body, else from the profile's joint frames, else from a motion.
 """
 
 from __future__ import annotations
@@ -23,18 +19,18 @@ from interpose.retarget.observe import joint_frames, planted, square
 from interpose.retarget.profiles import JointFrames
 from interpose.skeleton import HUMANOID, Skeleton
 
-_DOWN = np.array([0.0, -1.0, 0.0])
-_LEFT = np.array([1.0, 0.0, 0.0])
+_DOWNWARD = np.array([0.0, -1.0, 0.0])
+_LEFTWARD = np.array([1.0, 0.0, 0.0])
 _TOE = HUMANOID.offsets[HUMANOID.index("LeftToe")]
 _FOOT_PITCH = float(np.arctan2(-_TOE[1], _TOE[2]))
-_BALL_HEIGHT = 0.02  # of the toe joint above the floor as a share of the leg, where nothing else is known
-_ANKLE_HEIGHT = 0.1  # of the ankle, likewise, where there is no toe
+_BALL_HEIGHT = 0.02  # of the toe joint above the floor, as a share of the leg, where nothing else is known
+_ANKLE_HEIGHT = 0.1  # of the ankle where there is no toe
 _SIDES = ("Left", "Right")
 
 
 @dataclass(frozen=True)
 class Stance:
-    """rest_global: (22, 4). leg_length: metres. ankle_height: of a flat foot, metres. hip_centre: see Mapping."""
+    """leg_length, ankle_height (of a flat foot): metres. rest_global, hip_centre: as in `mapping.Mapping`."""
 
     rest_global: Float[ndarray, "22 4"]
     leg_length: float
@@ -45,7 +41,9 @@ class Stance:
 def stance(skeleton: Skeleton, found: NamedJoints, motion: Motion | None) -> Stance:
     """The T-pose of the joints found.
 
-    Raises InputError where neither the rest pose nor the profile nor a motion tells how the joints lie.
+    Where the rest pose shows a body, its left, up and forward give the torso's frame, and each limb bone is brought to
+    its T-pose direction by the smallest rotation, parents first, which keeps its twist. Raises InputError where neither
+    the rest pose, nor the profile, nor a motion shows the joint frames.
     """
     points = _rest_positions(skeleton)
     joints = {name: j for name, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
@@ -59,7 +57,7 @@ def stance(skeleton: Skeleton, found: NamedJoints, motion: Motion | None) -> Sta
     elif frames is None or not _fits(turned, at):
         if motion is None:
             raise InputError(
-                "the skeleton's rest pose is not that of a body; give a motion to read the joint frames from"
+                "the skeleton's rest pose does not show a body; give a motion to read the joint frames from"
             )
         frames, turned = None, joint_frames(motion, joints)
         seen = planted(motion, joints)
@@ -84,12 +82,12 @@ def _length(at: dict[str, Float[ndarray, "3"]], a: str, b: str) -> float:
 
 
 def _fits(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]]) -> bool:
-    """Whether a profile's joint frames send every limb bone of this skeleton where it lies in a T-pose."""
-    for side, out in (("Left", _LEFT), ("Right", -_LEFT)):
-        for bone, child, way in (("UpLeg", "Leg", _DOWN), ("Leg", "Foot", _DOWN), ("Arm", "ForeArm", out)):
+    """Whether a profile's joint frames bring every limb bone of this skeleton to its T-pose direction."""
+    for side, out in (("Left", _LEFTWARD), ("Right", -_LEFTWARD)):
+        for bone, child, expected in (("UpLeg", "Leg", _DOWNWARD), ("Leg", "Foot", _DOWNWARD), ("Arm", "ForeArm", out)):
             if side + bone in at and side + child in at:
-                line = rotation.rotate(turned[side + bone], at[side + child] - at[side + bone])
-                if float(_unit(line) @ way) < 0.8:
+                direction = rotation.rotate(turned[side + bone], at[side + child] - at[side + bone])
+                if float(_unit(direction) @ expected) < 0.8:
                     return False
     return True
 
@@ -102,10 +100,10 @@ def _rest_positions(skeleton: Skeleton) -> Float[ndarray, "joint 3"]:
 
 
 def _axes(spelled: str) -> Float[ndarray, "4"]:
-    """The rotation that brings a joint's axes, named as in `JointFrames`, to the T-pose's left, up and forward."""
+    """The rotation from a joint's axes, given as in `JointFrames`, to the T-pose's left, up and forward."""
     rows = np.zeros((3, 3))
-    for row, word in enumerate(spelled.split()):
-        rows[row, "xyz".index(word[1])] = 1.0 if word[0] == "+" else -1.0
+    for row, axis in enumerate(spelled.split()):
+        rows[row, "xyz".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return rotation.from_matrix(rows)
 
 
@@ -125,10 +123,10 @@ def _unit(v: Float[ndarray, "3"]) -> Float[ndarray, "3"]:
 
 
 def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | None:
-    """The body's left, up and forward in the rest pose as a rotation from the T-pose's axes; None if it has none.
+    """The body's left, up and forward in the rest pose as a rotation from the T-pose's axes; None if there is no body.
 
-    A body has its legs opposite to its spine and its shoulders on the same sides as its hips. Frames within 30 degrees
-    of the axes are taken to be exactly along them: rest poses are built square.
+    A body has its legs opposite to its spine, and its shoulders on the same sides as its hips. A frame within 30
+    degrees of the axes counts as exactly along them, as rest poses are built square.
     """
     top = next((at[n] for n in ("Head", "Neck", "Spine2") if n in at), None)
     across = _unit(at["LeftUpLeg"] - at["RightUpLeg"])
@@ -148,9 +146,9 @@ def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | Non
 def _align_legs(
     turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]], frames: JointFrames | None, pitch: float
 ) -> float:
-    """Bring thighs and shins straight down and the soles flat; returns the pitch of a flat foot.
+    """Brings thighs and shins straight down and the soles flat; returns the pitch of a flat foot, radians.
 
-    pitch: of a flat foot, where the rest pose does not show it.
+    pitch: of a flat foot where the rest pose does not show it.
     """
     pitches = []
     for side in _SIDES:
@@ -158,13 +156,13 @@ def _align_legs(
         carried = rotation.IDENTITY
         for bone, child in ((thigh, shin), (shin, foot)):
             turned[bone] = rotation.multiply(carried, turned[bone])
-            fix = rotation.between(rotation.rotate(turned[bone], at[child] - at[bone]), _DOWN)
+            fix = rotation.between(rotation.rotate(turned[bone], at[child] - at[bone]), _DOWNWARD)
             turned[bone] = rotation.multiply(fix, turned[bone])
             carried = rotation.multiply(fix, carried)
         pitches.append(pitch)
         if toe not in at and frames is None:
-            continue  # the foot is taken to be flat in the rest pose
-        bone = rotation.rotate(turned[foot], at[toe] - at[foot]) if toe in at else _DOWN
+            continue  # without a toe the foot counts as flat in the rest pose
+        bone = rotation.rotate(turned[foot], at[toe] - at[foot]) if toe in at else _DOWNWARD
         slope = float(np.arctan2(-bone[1], np.hypot(bone[0], bone[2])))
         if frames is None and np.radians(5.0) < slope < np.radians(65.0):
             pitches[-1] = slope  # the rest pose stands on its soles: only the heading is straightened
@@ -173,7 +171,7 @@ def _align_legs(
         else:
             flat = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
             fix = rotation.multiply(rotation.between(rotation.rotate(carried, bone), flat), carried)
-            bend = rotation.from_rotation_vector(-(0.0 if frames is None else frames.toe_bend) * _LEFT)
+            bend = rotation.from_rotation_vector(-(0.0 if frames is None else frames.toe_bend) * _LEFTWARD)
         turned[foot] = rotation.multiply(fix, turned[foot])
         if toe in at:
             turned[toe] = rotation.multiply(bend, rotation.multiply(fix, turned[toe]))
@@ -181,8 +179,8 @@ def _align_legs(
 
 
 def _align_arms(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "3"]]) -> None:
-    """Bring upper arms and forearms straight to the side; the hand goes with the forearm, the collar stays."""
-    for side, out in (("Left", _LEFT), ("Right", -_LEFT)):
+    """Brings upper arms and forearms straight to the side; the hand follows the forearm, the collar stays."""
+    for side, out in (("Left", _LEFTWARD), ("Right", -_LEFTWARD)):
         arm, fore, hand = (side + part for part in ("Arm", "ForeArm", "Hand"))
         carried = rotation.IDENTITY
         for bone, child in ((arm, fore), (fore, hand)):

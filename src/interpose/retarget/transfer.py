@@ -1,7 +1,7 @@
-"""Motion from a user's skeleton to the humanoid, back, and the details that the humanoid does not carry.
+"""Motions from a user's skeleton to the humanoid and back, with the details that the humanoid does not carry.
 
-docs/method.md, C10, in global rotations: see `mapping.py`. The root is carried by the point midway between the thighs,
-so that the legs, and with them the feet, meet the same floor on both skeletons.
+Rotations are transferred globally; the root by the point midway between the thighs, so that the feet of both skeletons
+meet the same floor.
 """
 
 from __future__ import annotations
@@ -21,35 +21,38 @@ from interpose.rotation import UP
 from interpose.skeleton import HUMANOID
 
 _HIPS = HUMANOID.index("Hips")
-_CENTRE = (HUMANOID.offsets[HUMANOID.index("LeftUpLeg")] + HUMANOID.offsets[HUMANOID.index("RightUpLeg")]) / 2
+_HIP_CENTRE = (HUMANOID.offsets[HUMANOID.index("LeftUpLeg")] + HUMANOID.offsets[HUMANOID.index("RightUpLeg")]) / 2
 _TORSO = tuple(HUMANOID.index(name) for name in ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"))
-_HANG = np.radians(75.0)  # from the T-pose down to the side, for arms that the source does not have
+_HANGING_ARM = np.radians(75.0)  # from the T-pose to an arm at the side, for sources without arms
 
 
 def to_humanoid(motion: Motion, mapping: Mapping) -> Motion:
-    """The motion on the 22 joints, at the same rate. Joints that the source lacks are filled from their neighbours.
+    """The motion on the 22 joints, at its own rate. Joints that the source lacks are filled from their neighbours.
 
-    Raises InputError where the motion is not of the mapping's skeleton.
+    Raises InputError where the motion has another skeleton than the mapping.
     """
     _check(motion, mapping)
     world = motion.global_rotations()
     turned = _fill(_turned({j: world[:, j] for j in mapping.joints if j is not None}, mapping))
     hips = mapping.hips
     centre = motion.global_positions()[:, hips] + rotation.rotate(world[:, hips], mapping.hip_centre)
-    root = centre * mapping.scale - rotation.rotate(turned[:, _HIPS], _CENTRE) + mapping.lift * UP
+    root = centre * mapping.scale - rotation.rotate(turned[:, _HIPS], _HIP_CENTRE) + mapping.lift * UP
     return from_global(HUMANOID, root, turned, motion.rate)
 
 
 def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) -> Motion:
-    """A motion of the 22 joints on the mapping's skeleton, at the same rate.
+    """A motion of the 22 joints on the mapping's skeleton, at its own rate.
 
-    Source joints without a counterpart follow `like`: frame by frame where it is as long as the motion, else its first
-    frame; without it they keep the rest pose. The file's layout, too, is that of `like`.
+    Unmapped joints follow ``like``: frame by frame where it is as long as the motion, else its first frame. Without it
+    they keep the rest pose. The file layout is that of ``like``, too. Raises InputError for a motion that is not of the
+    22 joints, and for ``like`` with another skeleton than the mapping.
     """
     if motion.skeleton.names != HUMANOID.names:
-        raise InputError("only a motion of the 22-joint humanoid can be carried to another skeleton")
+        raise InputError("only a motion of the 22-joint humanoid can be transferred to another skeleton")
     turned = motion.global_rotations()
-    centre = (motion.root_positions - mapping.lift * UP + rotation.rotate(turned[:, _HIPS], _CENTRE)) / mapping.scale
+    centre = (
+        motion.root_positions - mapping.lift * UP + rotation.rotate(turned[:, _HIPS], _HIP_CENTRE)
+    ) / mapping.scale
     pairs = [(ours, joint) for ours, joint in enumerate(mapping.joints) if joint is not None]
     known = [ours for ours, _ in pairs]
     carried = rotation.multiply(turned[:, known], mapping.rest_global[known])
@@ -71,8 +74,8 @@ def from_humanoid(motion: Motion, mapping: Mapping, like: Motion | None = None) 
 class _Details:
     """What a pose has beyond the 22 joints.
 
-    rotations: (frame, joint, 4), of joints without a counterpart: in the torso beyond the bend of their neighbours,
-    elsewhere beyond the rest pose; of the others the identity. root: where joint 0 is, used if the hips are below it.
+    rotations: of unmapped joints, in the torso relative to the bend of their neighbours, elsewhere local; identity for
+    mapped joints. root: the position of joint 0, metres, used if the hips are below it.
     """
 
     rotations: Float[ndarray, "frame joint 4"]
@@ -99,7 +102,7 @@ def _assemble(
     mapping: Mapping,
     like: Motion,
 ) -> Motion:
-    """A motion from the mapped joints' global rotations, where the hips are, and the details of all others."""
+    """A motion from the mapped joints' global rotations, the hips' positions, and the details of all other joints."""
     skeleton, hips = mapping.skeleton, mapping.hips
     bent = _bent(mapped, mapping)
     world: list[Float[ndarray, "frame 4"]] = []
@@ -129,7 +132,7 @@ def _assemble(
 
 
 def _turned(world: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> list[Float[ndarray, "frame 4"] | None]:
-    """For each of the 22 joints its rotation since the T-pose, None where the source has no such joint."""
+    """For each of the 22 joints its rotation since the T-pose, None where the source lacks it."""
     known = [ours for ours, joint in enumerate(mapping.joints) if joint is not None]
     given = np.stack([world[joint] for joint in mapping.joints if joint is not None], axis=1)
     turned = rotation.multiply(given, rotation.inverse(mapping.rest_global[known]))
@@ -137,7 +140,7 @@ def _turned(world: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> li
 
 
 def _bent(mapped: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> dict[int, Float[ndarray, "frame 4"]]:
-    """Global rotations of the torso's joints without a counterpart, spread evenly between their mapped neighbours."""
+    """Global rotations of the torso's unmapped joints, interpolated evenly between their mapped neighbours."""
     parents = mapping.skeleton.parents
     rests = {joint: mapping.rest_global[ours] for ours, joint in enumerate(mapping.joints) if joint is not None}
     spread: dict[int, Float[ndarray, "frame 4"]] = {}
@@ -158,7 +161,7 @@ def _bent(mapped: dict[int, Float[ndarray, "frame 4"]], mapping: Mapping) -> dic
 
 
 def _fill(turned: list[Float[ndarray, "frame 4"] | None]) -> Float[ndarray, "frame 22 4"]:
-    """Rotations for missing joints: bent evenly between their neighbours in the torso, else as their parent's."""
+    """Rotations for missing joints: in the torso interpolated evenly, elsewhere those of their parents."""
     out: list[Float[ndarray, "frame 4"]] = []
     for joint, given in enumerate(turned):
         if given is not None:
@@ -168,12 +171,12 @@ def _fill(turned: list[Float[ndarray, "frame 4"] | None]) -> Float[ndarray, "fra
         name = HUMANOID.names[joint]
         if name.endswith("Arm") and not name.endswith("ForeArm"):
             sign = -1.0 if name.startswith("Left") else 1.0
-            parent = rotation.multiply(parent, rotation.from_rotation_vector(np.array([0.0, 0.0, sign * _HANG])))
+            parent = rotation.multiply(parent, rotation.from_rotation_vector(np.array([0.0, 0.0, sign * _HANGING_ARM])))
         elif joint in _TORSO:
-            line = _TORSO[_TORSO.index(joint) :]
-            ahead = next((k for k in range(len(line)) if turned[line[k]] is not None), None)
+            rest = _TORSO[_TORSO.index(joint) :]
+            ahead = next((k for k in range(len(rest)) if turned[rest[k]] is not None), None)
             if ahead is not None:
-                high = turned[line[ahead]]
+                high = turned[rest[ahead]]
                 assert high is not None
                 parent = rotation.slerp(parent, high, np.full(len(parent), 1.0 / (ahead + 1)))
         out.append(parent)
