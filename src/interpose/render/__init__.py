@@ -7,4 +7,3 @@ from interpose.render.sheet import compose as compose
 from interpose.render.sheet import contact_sheet as contact_sheet
 from interpose.render.sheet import draw_rows as draw_rows
 from interpose.render.sheet import save as save
-from interpose.render.sheet import scene as scene

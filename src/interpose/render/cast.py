@@ -1,4 +1,4 @@
-"""What a picture needs to know of a motion: its figure, its poses, where the floor is and which way it goes."""
+"""What a picture needs to know of a motion: its mannequin, its poses, its floor and its direction."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ HIPS = HUMANOID.index("Hips")
 
 @dataclass(frozen=True, eq=False)
 class Cast:
-    """positions (frame, joint, 3) and rotations (frame, joint, 4) in the world; floor: its height, metres.
+    """A motion with all that is drawn of it; positions and rotations are global, metres.
 
-    track: (frame, 2) the root on the ground (x, z). facing: (frame, 2), or None where there is no humanoid.
-    down: (frame, 2) whether the left and the right foot are on the ground, or None. feet: the joints of ankle and toe
-    (the ankle twice where there is no toe) of the left and the right foot, or None.
+    coarse: the mesh that casts shadows. floor: its height. track: the root on the ground (x, z). facing: unit vectors
+    (x, z). down: whether the left and the right foot are on the ground. feet: the joints of ankle and toe (the ankle
+    twice where there is no toe) of the left and the right foot. The last three are None for a skeleton that is not a
+    humanoid.
     """
 
     motion: Motion
@@ -41,24 +42,25 @@ class Cast:
     feet: Int[ndarray, "2 2"] | None
 
     def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"] | None = None) -> Actor:
-        """The figure at a frame, moved by ``moved`` metres."""
+        """The character at a frame, moved by ``moved`` metres."""
         shift = np.zeros(3) if moved is None else moved
         return Actor(self.mannequin, self.coarse, self.positions[frame] + shift, self.rotations[frame], colour)
 
     def heading(self) -> Float[ndarray, "3"]:
-        """What a camera should see as screen right: the way travelled, turned a little towards the viewer.
+        """The direction that a camera should see as screen right: that of travel, turned a little towards the viewer.
 
-        A figure that stays within half a metre is seen from the front and somewhat to the side.
+        A character that stays within half a metre is seen from the front, somewhat from the side.
         """
-        way = self.track[-1] - self.track[0]
-        if np.linalg.norm(way) > 0.5:
-            return _turn(way, np.deg2rad(24.0))
+        travel = self.track[-1] - self.track[0]
+        if np.linalg.norm(travel) > 0.5:
+            return _turn(travel, np.deg2rad(24.0))
         first = np.array([0.0, 1.0]) if self.facing is None else self.facing[0]
         return _turn(first, np.deg2rad(58.0))
 
 
 def cast(motion: Motion, detail: int = 4) -> Cast:
-    """Raises InputError for a motion without frames."""
+    """Prepares a motion for drawing; ``detail`` of the mannequin's mesh. Raises InputError for a motion without
+    frames."""
     if len(motion) == 0:
         raise InputError("a motion without frames cannot be drawn; give at least one frame")
     positions = motion.global_positions()
@@ -85,7 +87,7 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
     return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down, feet)
 
 
-def _turn(way: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:
+def _turn(direction: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:
     """The ground direction (x, z) turned by ``angle`` from +Z towards +X, as a unit vector."""
-    yaw = np.arctan2(way[0], way[1]) + angle
+    yaw = np.arctan2(direction[0], direction[1]) + angle
     return np.array([np.sin(yaw), 0.0, np.cos(yaw)])

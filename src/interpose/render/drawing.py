@@ -1,9 +1,6 @@
-"""Figures on a floor, drawn with NumPy and Pillow: an orthographic camera, a depth buffer, soft shadows.
+"""Characters on a floor, drawn with NumPy and Pillow: an orthographic camera, a depth buffer, soft shadows.
 
-Figures are drawn at three times the final size. Triangles are rasterised with a depth buffer that also keeps each
-pixel's normal and colour; light, contours and ambient occlusion are worked out once a pixel afterwards. Shadows are
-the same triangles projected along the light onto the floor, blurred, with a darker part for what is close to it.
-Lengths are metres, Y up; pixels run down.
+Everything is drawn at three times the final size. Lengths are metres, Y up; pixels run down.
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ from interpose.rotation import UP
 
 SUPERSAMPLING = 3
 LIGHT = np.array([-0.42, 0.80, 0.43])
-"""Towards the light, in camera axes (right, up, towards the viewer)."""
+"""The direction towards the light in camera axes (right, up, towards the viewer)."""
 
 Colour = tuple[int, int, int]
 PAPER: Colour = (247, 245, 240)
@@ -60,12 +57,12 @@ class Camera:
         )
 
     def finer(self, times: int) -> Camera:
-        """The same view on ``times`` as many pixels each way."""
+        """The same view with ``times`` as many pixels in each direction."""
         return replace(self, origin=(self.origin[0] * times, self.origin[1] * times), scale=self.scale * times)
 
     @property
     def light(self) -> Float[ndarray, "3"]:
-        """Towards the light, in the world."""
+        """The direction towards the light in the world."""
         across = np.array([self.toward[0], 0.0, self.toward[2]])
         across = across / np.linalg.norm(across)
         direction = LIGHT[0] * self.right + LIGHT[1] * UP + LIGHT[2] * across
@@ -88,7 +85,8 @@ def look(
 
 @dataclass(frozen=True)
 class Actor:
-    """A figure in one pose: joint positions and global rotations, in a colour. ``coarse`` is what casts its shadow."""
+    """A character in one pose: global positions and rotations, and a colour. ``coarse``: the mesh that casts its
+    shadow."""
 
     mannequin: Mannequin
     coarse: Mannequin
@@ -98,14 +96,14 @@ class Actor:
 
 
 def mix(a: Colour, b: Colour, part: float) -> Colour:
-    """``part`` of the way from ``a`` to ``b``, in linear light, so that a blend of two hues does not turn grey."""
+    """A blend from ``a`` to ``b`` by ``part``, in linear light, so that two hues do not turn grey."""
     x, y = (np.array(c, dtype=float) ** 2.2 for c in (a, b))
     r, g, b_ = np.rint(((1.0 - part) * x + part * y) ** (1 / 2.2)).astype(int).tolist()
     return r, g, b_
 
 
 def draw_floor(image: Image.Image, camera: Camera, height: float, spacing: float | None) -> None:
-    """A floor that fades into the paper; with ``spacing`` a square grid of world lines that fades likewise."""
+    """A floor that fades into the paper, with a square grid of ``spacing`` metres that fades likewise."""
     width, tall = image.size
     fade = Image.new("L", image.size, 0)
     ImageDraw.Draw(fade).ellipse((width * 0.05, tall * 0.64, width * 0.95, tall * 0.93), fill=255)
@@ -127,7 +125,10 @@ def draw_floor(image: Image.Image, camera: Camera, height: float, spacing: float
 
 
 def draw_shadows(image: Image.Image, camera: Camera, actors: Sequence[Actor], height: float) -> None:
-    """Shadows on the floor y = ``height``; parts below it cast none."""
+    """Shadows on the floor y = ``height``: the meshes projected along the light and blurred, darker close to the floor.
+
+    Parts below the floor cast none.
+    """
     soft, close = Image.new("L", image.size, 0), Image.new("L", image.size, 0)
     light = camera.light
     for actor in actors:
@@ -148,7 +149,11 @@ def draw_shadows(image: Image.Image, camera: Camera, actors: Sequence[Actor], he
 
 
 def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> None:
-    """All figures, with hidden surfaces removed; shading, contours and occlusion follow from what each pixel sees."""
+    """All characters with hidden surfaces removed.
+
+    Triangles are rasterised into a depth buffer that also keeps each pixel's normal and colour; light, contours and
+    ambient occlusion are then computed once a pixel.
+    """
     k = SUPERSAMPLING
     camera = camera.finer(k)
     width, tall = image.size[0] * k, image.size[1] * k
@@ -175,15 +180,15 @@ def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> 
     colour[covered] = np.clip(_shade(normal[covered], colour[covered], camera) * dark[:, None], 0.0, 255.0)
     corners = [(row, column) for row in range(k) for column in range(k)]
     grid = colour.reshape(tall, width, 3)
-    figures = sum(grid[row::k, column::k] for row, column in corners) / np.float32(k * k)
+    bodies = sum(grid[row::k, column::k] for row, column in corners) / np.float32(k * k)
     share = sum(inside[row::k, column::k, None].astype(np.float32) for row, column in corners) / np.float32(k * k)
-    image.paste(Image.fromarray(np.rint(figures + (1.0 - share) * np.asarray(image)).astype(np.uint8)))
+    image.paste(Image.fromarray(np.rint(bodies + (1.0 - share) * np.asarray(image)).astype(np.uint8)))
 
 
 def picture(
     camera: Camera, actors: Sequence[Actor], size: tuple[int, int], height: float, grid: float | None = None
 ) -> Image.Image:
-    """A finished picture of ``size`` pixels: floor at y = ``height``, shadows, figures."""
+    """A finished picture of ``size`` pixels: a floor at y = ``height``, shadows, characters."""
     image = Image.new("RGB", size, PAPER)
     draw_floor(image, camera, height, grid)
     draw_shadows(image, camera, actors, height)
@@ -196,7 +201,7 @@ def _rasterise(
 ) -> Iterator[tuple[Int[ndarray, "fragment"], Int[ndarray, "fragment"], Float32[ndarray, "fragment 3"]]]:
     """Fragments of screen triangles: flat pixel index, triangle, barycentric weights.
 
-    Triangles are taken in groups whose bounding boxes have about the same size, each group at once.
+    Triangles are processed in groups of about equal bounding boxes.
     """
     low = np.floor(corners.min(axis=1) - 0.5).astype(int)
     size = (np.ceil(corners.max(axis=1) - 0.5).astype(int) - low).max(axis=1) + 1
@@ -225,7 +230,7 @@ def _rasterise(
 def _shade(
     normal: Float32[ndarray, "pixel 3"], colour: Float32[ndarray, "pixel 3"], camera: Camera
 ) -> Float32[ndarray, "pixel 3"]:
-    """Wrapped diffuse light, a sky, a soft highlight and light from behind at grazing angles."""
+    """Wrapped diffuse light, a sky, a soft highlight, and a rim at grazing angles."""
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
     half = camera.light + camera.toward
     light, half, toward = (v.astype(np.float32) for v in (camera.light, half / np.linalg.norm(half), camera.toward))
@@ -239,7 +244,7 @@ def _shade(
 
 
 def _contours(depth: Float32[ndarray, "row column"], inside: Bool[ndarray, "row column"]) -> ndarray:
-    """Darkens a pixel line where the surface ends or falls back by more than a few centimetres."""
+    """Darkens the pixels where the surface ends or recedes by more than a few centimetres."""
     filled = np.where(inside, depth, -1e3)
     lowest = minimum_filter(filled, size=SUPERSAMPLING, mode="constant", cval=-1e3)
     return 1.0 - 0.45 * np.clip((filled - lowest - 0.03) / 0.05, 0.0, 1.0)

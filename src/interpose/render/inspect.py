@@ -1,8 +1,4 @@
-"""Pictures for looking closely: the frames around a key one by one, and curves of the feet and of the accelerations.
-
-Sliding feet show against the floor's lines, which stay where they are in the world; a pop at a key shows as a peak of
-the acceleration there.
-"""
+"""Pictures for close inspection: the frames around a key one by one, and curves of the feet and the accelerations."""
 
 from __future__ import annotations
 
@@ -18,54 +14,68 @@ from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.render.cast import Cast, cast
 from interpose.render.drawing import FAINT, INK, PAPER, TARGET, Colour, look, picture
-from interpose.render.sheet import LINE, MARGIN, save, text
+from interpose.render.sheet import MARGIN, RULE_COLOUR, save, text
 
-CELL = 150
-BODY, FEET = 300, 150
-PLAIN: Colour = (214, 203, 184)
-SIDES: tuple[Colour, Colour] = ((31, 92, 122), (181, 130, 40))
+CELL_WIDTH = 150
+BODY_HEIGHT, FEET_HEIGHT = 300, 150
+FRAME_COLOUR: Colour = (214, 203, 184)
+SIDE_COLOURS: tuple[Colour, Colour] = ((31, 92, 122), (181, 130, 40))
 
 
 def filmstrip(
     path: str | PathLike[str], motion: Motion, around: int, before: int = 5, after: int = 6, keys: Sequence[int] = ()
 ) -> None:
-    """Writes a PNG of the frames ``around - before`` to ``around + after``: whole figures, and their feet below.
+    """Writes a PNG of the frames ``around - before`` to ``around + after``: the character, and its feet below.
 
-    All cells look at the same place in the world; the floor's lines are 25 cm apart. ``keys`` are drawn in orange.
-    Raises InputError where ``around`` lies outside the motion or the path cannot be written.
+    All cells show the same place in the world, so that sliding feet show against the grid of 25 cm. ``keys`` are drawn
+    in orange. Raises InputError where ``around`` is outside the motion or the path cannot be written.
     """
     played = cast(motion)
     count = len(motion)
     if not 0 <= around < count:
-        raise InputError(f"frame {around} lies outside a motion of {count} frames (0 to {count - 1})")
+        raise InputError(f"frame {around} is outside a motion of {count} frames (0 to {count - 1})")
     frames = range(max(0, around - before), min(count, around + after + 1))
-    sheet = Image.new("RGB", (2 * MARGIN + CELL * len(frames), 2 * MARGIN + BODY + FEET + 24), PAPER)
+    sheet = Image.new(
+        "RGB", (2 * MARGIN + CELL_WIDTH * len(frames), 2 * MARGIN + BODY_HEIGHT + FEET_HEIGHT + 24), PAPER
+    )
     draw = ImageDraw.Draw(sheet)
     shown = played.positions[frames.start : frames.stop]
     at = np.array([*played.track[around], played.floor])[[0, 2, 1]]
     heading = played.heading()
     aside = np.abs((shown - at) @ heading)
-    scale = float(min(0.82 * BODY / (shown[..., 1].max() - played.floor + 0.15), 0.5 * CELL / (aside.max() + 0.1)))
+    scale = float(
+        min(0.82 * BODY_HEIGHT / (shown[..., 1].max() - played.floor + 0.15), 0.5 * CELL_WIDTH / (aside.max() + 0.1))
+    )
     low = aside[shown[..., 1] < played.floor + 0.3]
-    close = min(2.0 * scale, 0.5 * CELL / (float(low.max(initial=0.2)) + 0.15))
+    close = min(2.0 * scale, 0.5 * CELL_WIDTH / (float(low.max(initial=0.2)) + 0.15))
     for k, frame in enumerate(frames):
-        actor = played.actor(frame, TARGET if frame in keys else PLAIN)
-        left = MARGIN + k * CELL
-        whole = look(heading, at, (CELL / 2, 0.87 * BODY), scale)
-        feet = look(heading, at, (CELL / 2, 0.70 * FEET), close)
-        sheet.paste(picture(whole, [actor], (CELL, BODY), played.floor, grid=0.25), (left, MARGIN))
-        sheet.paste(picture(feet, [actor], (CELL, FEET), played.floor, grid=0.25), (left, MARGIN + BODY))
-        draw.line((left, MARGIN, left, MARGIN + BODY + FEET), fill=LINE)
+        actor = played.actor(frame, TARGET if frame in keys else FRAME_COLOUR)
+        left = MARGIN + k * CELL_WIDTH
+        whole = look(heading, at, (CELL_WIDTH / 2, 0.87 * BODY_HEIGHT), scale)
+        feet = look(heading, at, (CELL_WIDTH / 2, 0.70 * FEET_HEIGHT), close)
+        sheet.paste(picture(whole, [actor], (CELL_WIDTH, BODY_HEIGHT), played.floor, grid=0.25), (left, MARGIN))
+        sheet.paste(
+            picture(feet, [actor], (CELL_WIDTH, FEET_HEIGHT), played.floor, grid=0.25),
+            (left, MARGIN + BODY_HEIGHT),
+        )
+        draw.line((left, MARGIN, left, MARGIN + BODY_HEIGHT + FEET_HEIGHT), fill=RULE_COLOUR)
         colour = TARGET if frame in keys else FAINT
-        text(draw, (left + CELL / 2, MARGIN + BODY + FEET + 6), f"{frame}", 15, colour, anchor="ma")
+        text(
+            draw,
+            (left + CELL_WIDTH / 2, MARGIN + BODY_HEIGHT + FEET_HEIGHT + 6),
+            f"{frame}",
+            15,
+            colour,
+            anchor="ma",
+        )
     save(path, sheet)
 
 
 def curves(path: str | PathLike[str], motion: Motion, keys: Sequence[int] = (), width: int = 1400) -> None:
     """Writes a PNG of each foot's height and speed and of the mean acceleration of all joints, frame by frame.
 
-    A foot is the lower of its two joints; speeds are those along the floor. Vertical lines mark ``keys``.
-    Raises InputError for a motion of fewer than three frames, one whose feet are not known, or an unwritable path.
+    A foot is the lower of its two joints; speeds are along the floor. Vertical lines mark ``keys``, where a pop shows
+    as a peak of the acceleration. Raises InputError for fewer than three frames, unknown feet, or an unwritable path.
     """
     if len(motion) < 3:
         raise InputError(f"curves need at least three frames, the motion has {len(motion)}")
@@ -87,14 +97,22 @@ def curves(path: str | PathLike[str], motion: Motion, keys: Sequence[int] = (), 
     tall = 210
     sheet = Image.new("RGB", (width, 2 * MARGIN + len(plots) * tall), PAPER)
     for k, (name, values) in enumerate(plots):
-        _plot(sheet, name, values, played, keys, (MARGIN, MARGIN + k * tall), (width - 2 * MARGIN, tall - 34))
+        _plot(
+            sheet,
+            name,
+            values,
+            played,
+            keys,
+            (MARGIN, MARGIN + k * tall),
+            (width - 2 * MARGIN, tall - 34),
+        )
     save(path, sheet)
 
 
 def _plot(
     sheet: Image.Image,
     name: str,
-    values: Float[ndarray, "frame line"],
+    values: Float[ndarray, "frame curve"],
     played: Cast,
     keys: Sequence[int],
     corner: tuple[int, int],
@@ -115,17 +133,17 @@ def _plot(
         return k * (top + tall * (1.0 - value / high))
 
     for level in y(levels).tolist():
-        draw.line((k * left, level, size[0] * k, level), fill=LINE, width=2)
+        draw.line((k * left, level, size[0] * k, level), fill=RULE_COLOUR, width=2)
     for key in keys:
         draw.line((x[key], k * top, x[key], k * (top + tall)), fill=TARGET, width=4)
-    for line, colour in zip(values.T, SIDES if values.shape[1] > 1 else (INK,), strict=True):
-        draw.line(np.stack([x, y(line)], axis=1).reshape(-1).tolist(), fill=colour, width=6, joint="curve")
+    for column, colour in zip(values.T, SIDE_COLOURS if values.shape[1] > 1 else (INK,), strict=True):
+        draw.line(np.stack([x, y(column)], axis=1).reshape(-1).tolist(), fill=colour, width=6, joint="curve")
     small = image.resize(size, Image.Resampling.BOX)
     draw = ImageDraw.Draw(small)
     text(draw, (0, 0), name, 16, INK, bold=True)
     if values.shape[1] > 1:
-        text(draw, (170, 1), "left", 15, SIDES[0])
-        text(draw, (210, 1), "right", 15, SIDES[1])
+        text(draw, (170, 1), "left", 15, SIDE_COLOURS[0])
+        text(draw, (210, 1), "right", 15, SIDE_COLOURS[1])
     for level, at in zip(levels.tolist(), (y(levels) / k).tolist(), strict=True):
         text(draw, (left - 8, at), f"{level:g}", 13, FAINT, anchor="rm")
     every = next(s for s in (1, 2, 5, 10, 15, 30, 60, 150, 300, 600, 1500, 10**9) if len(values) / s <= 16)

@@ -1,8 +1,6 @@
-"""Contact sheets: one row a transition, its poses from left to right in time, and one large picture of a motion.
+"""Contact sheets: one row a transition, its poses from left to right in time.
 
-In a row the poses stand side by side at equal spaces, whatever way they travelled; where they truly went is the small
-map at its left, and which foot was down when is the pair of bars below. Keys are in full colour, the start blue and
-the target orange; generated frames are pale and pass from one to the other.
+Keys are in full colour, the start blue and the target orange; generated frames are pale and pass from one to the other.
 """
 
 from __future__ import annotations
@@ -24,19 +22,19 @@ from interpose.render.cast import Cast, cast
 from interpose.render.drawing import FAINT, INK, PAPER, START, TARGET, Camera, Colour, look, mix, picture
 
 MARGIN = 28
-SIDE = 250
-STRIP = 300
-BARS = 66
-LINE: Colour = (221, 217, 208)
-PALE: tuple[Colour, Colour, Colour] = ((166, 200, 212), (234, 222, 198), (242, 178, 146))
-"""Generated frames: after the start, half-way, before the target."""
+LABEL_WIDTH = 250
+STRIP_HEIGHT = 300
+BARS_HEIGHT = 66
+RULE_COLOUR: Colour = (221, 217, 208)
+PALE_COLOURS: tuple[Colour, Colour, Colour] = ((166, 200, 212), (234, 222, 198), (242, 178, 146))
+"""Of generated frames: after the start, half-way, before the target."""
 
 
 @dataclass(frozen=True)
 class SheetRow:
-    """One transition: its frames with the keys in them, a title, and short lines of text below it.
+    """One transition: its frames with their keys, a title, and short notes below it.
 
-    keys: which frames are keys (negative from the end); the first of them is the start, the last the target.
+    keys: the key frames (negative from the end), from the start to the target.
     """
 
     motion: Motion
@@ -53,22 +51,23 @@ def contact_sheet(
     poses: int = 11,
     width: int = 1800,
 ) -> None:
-    """Writes a PNG of all rows, at most ``poses`` poses a row, ``width`` pixels wide, all figures at one scale.
+    """Writes a PNG of all rows, at most ``poses`` poses a row, ``width`` pixels wide, all characters at one scale.
 
-    Raises InputError for no rows, a motion without frames, a key outside its motion, or an unwritable path.
+    Poses stand at equal spaces; a small map on the left shows their true path, a pair of bars below which foot is on
+    the ground. Raises InputError for no rows, a motion without frames, a key outside its motion, or an unwritable path.
     """
     save(path, compose(draw_rows(rows, poses, width), heading, subheading))
 
 
 def draw_rows(rows: Sequence[SheetRow], poses: int = 11, width: int = 1800) -> list[Image.Image]:
-    """A picture of each row, all figures at one scale; raises as :func:`contact_sheet` does."""
+    """A picture of each row, all characters at one scale. Raises as :func:`contact_sheet` does."""
     if not rows:
         raise InputError("a contact sheet needs at least one motion")
     casts = [cast(row.motion) for row in rows]
-    scale = 0.80 * STRIP / max(max(_extent(c)[0] for c in casts), 0.2)
+    scale = 0.80 * STRIP_HEIGHT / max(max(_extent(c)[0] for c in casts), 0.2)
     pictures = []
     for row, played in zip(rows, casts, strict=True):
-        pictures.append(Image.new("RGB", (width - 2 * MARGIN, STRIP + BARS), PAPER))
+        pictures.append(Image.new("RGB", (width - 2 * MARGIN, STRIP_HEIGHT + BARS_HEIGHT), PAPER))
         _row(pictures[-1], row, played, scale, poses)
     return pictures
 
@@ -86,42 +85,18 @@ def compose(rows: Sequence[Image.Image], heading: str = "", subheading: str = ""
     for k, row in enumerate(rows):
         sheet.paste(row, (MARGIN, top + k * step))
         if k:
-            draw.line((MARGIN, top + k * step - 9, width - MARGIN, top + k * step - 9), fill=LINE)
+            draw.line((MARGIN, top + k * step - 9, width - MARGIN, top + k * step - 9), fill=RULE_COLOUR)
     return sheet
-
-
-def scene(
-    path: str | PathLike[str],
-    motion: Motion,
-    poses: int = 9,
-    keys: tuple[int, ...] = (0, -1),
-    size: tuple[int, int] = (1600, 720),
-) -> None:
-    """Writes a PNG of one motion where it happened: its poses on a metre grid, evenly spaced in time.
-
-    Raises InputError as :func:`contact_sheet` does.
-    """
-    played = cast(motion, detail=8)
-    marks = _keys(keys, len(motion))
-    frames = _frames(marks, poses)
-    camera = look(played.heading(), np.zeros(3), (0.0, 0.0), 1.0, elevation=0.32)
-    seen = camera.project(np.concatenate([played.positions[frames].reshape(-1, 3), _ground(played, frames)]))
-    low, high = seen[:, :2].min(axis=0) - 0.2, seen[:, :2].max(axis=0) + 0.2
-    scale = float(min(0.92 * size[0] / (high[0] - low[0]), 0.86 * size[1] / (high[1] - low[1])))
-    origin = 0.5 * np.array(size) - scale * 0.5 * (low + high) + [0.0, 0.01 * size[1]]
-    camera = look(played.heading(), np.zeros(3), (float(origin[0]), float(origin[1])), scale, elevation=0.32)
-    actors = [played.actor(f, _colour(f, marks)) for f in frames]
-    save(path, picture(camera, actors, size, played.floor, grid=1.0 if scale < 250 else 0.5))
 
 
 def _row(sheet: Image.Image, row: SheetRow, played: Cast, scale: float, poses: int) -> None:
     marks = _keys(row.keys, len(row.motion))
-    strip = sheet.width - SIDE
+    strip = sheet.width - LABEL_WIDTH
     _, wide = _extent(played)
     count = int(np.clip(strip / (scale * max(0.62 * wide, 0.75)), 2, max(poses, 2)))
     frames = _frames(marks, count)
     ground = _ground(played, list(range(len(played.motion))))
-    camera = look(played.heading(), np.array([0.0, played.floor, 0.0]), (0.0, 0.84 * STRIP), scale)
+    camera = look(played.heading(), np.array([0.0, played.floor, 0.0]), (0.0, 0.84 * STRIP_HEIGHT), scale)
     aside = camera.project(played.positions)[..., 0] - camera.project(ground)[:, None, 0]
     left, right = (0.16 * scale - aside[frames[0]].min(), 0.16 * scale + aside[frames[-1]].max())
     half = 0.5 * strip / len(frames)
@@ -130,14 +105,14 @@ def _row(sheet: Image.Image, row: SheetRow, played: Cast, scale: float, poses: i
     for frame, slot in zip(frames, slots, strict=True):
         at = ground[frame] * [1.0, 0.0, 1.0]
         actors.append(played.actor(frame, _colour(frame, marks), slot / scale * camera.right - at))
-    sheet.paste(picture(camera, actors, (strip, STRIP), played.floor), (SIDE, 0))
+    sheet.paste(picture(camera, actors, (strip, STRIP_HEIGHT), played.floor), (LABEL_WIDTH, 0))
     draw = ImageDraw.Draw(sheet)
-    _bars(draw, played, frames, slots, marks, (SIDE, STRIP))
+    _bars(draw, played, frames, slots, marks, (LABEL_WIDTH, STRIP_HEIGHT))
     text(draw, (0, 0), row.title, 25, INK, bold=True)
     for k, note in enumerate(row.notes):
         text(draw, (0, 36 + 22 * k), note, 16, FAINT)
     used = 36 + 22 * len(row.notes)
-    _map(sheet, played, frames, marks, camera, (0, used + 14), (SIDE - 40, STRIP + 44 - used - 14))
+    _map(sheet, played, frames, marks, camera, (0, used + 14), (LABEL_WIDTH - 40, STRIP_HEIGHT + 44 - used - 14))
 
 
 def _bars(
@@ -148,7 +123,7 @@ def _bars(
     marks: Sequence[int],
     corner: tuple[int, int],
 ) -> None:
-    """Frame numbers and times under the poses; below them a bar for each foot, dark while it is on the ground."""
+    """Frame numbers and times below the poses, and a bar for each foot, dark while it is on the ground."""
     x, y = corner
     for frame, slot in zip(frames, slots.tolist(), strict=True):
         key = frame in marks
@@ -179,7 +154,7 @@ def _map(
     corner: tuple[int, int],
     size: tuple[int, int],
 ) -> None:
-    """The root's path from above, turned as the figures are: dots at the poses drawn, ticks where they face."""
+    """The root's path from above, turned like the characters: dots at the drawn poses, ticks in their facings."""
     if size[1] < 40:
         return
     k = 3
@@ -218,16 +193,16 @@ def _map(
 def text(
     draw: ImageDraw.ImageDraw,
     at: tuple[float | int, float | int],
-    words: str,
+    label: str,
     size: int,
     colour: Colour,
     anchor: str = "la",
     bold: bool = False,
 ) -> None:
-    """Words in Pillow's own font. Bold is the same letter twice, a fraction of a pixel apart."""
+    """Text in Pillow's own font. Bold is the same text twice, a fraction of a pixel apart."""
     font = ImageFont.load_default(size)
     for shift in (0.0, 0.6) if bold else (0.0,):
-        draw.text((at[0] + shift, at[1]), words, fill=colour, font=font, anchor=anchor)
+        draw.text((at[0] + shift, at[1]), label, fill=colour, font=font, anchor=anchor)
 
 
 def save(path: str | PathLike[str], image: Image.Image) -> None:
@@ -240,14 +215,14 @@ def save(path: str | PathLike[str], image: Image.Image) -> None:
 def _keys(keys: Sequence[int], count: int) -> list[int]:
     for key in keys:
         if not -count <= key < count:
-            raise InputError(f"key {key} lies outside a motion of {count} frames (0 to {count - 1})")
+            raise InputError(f"key {key} is outside a motion of {count} frames (0 to {count - 1})")
     if not keys:
-        raise InputError("at least one key frame must be named")
+        raise InputError("give at least one key frame")
     return sorted({key % count for key in keys})
 
 
 def _frames(marks: Sequence[int], poses: int) -> list[int]:
-    """Evenly spaced frames from the first key to the last, each moved onto a key that lies within half a step."""
+    """Evenly spaced frames from the first key to the last, each moved onto a key within half a step."""
     even = np.linspace(marks[0], marks[-1], min(poses, marks[-1] - marks[0] + 1))
     frames = np.rint(even).astype(int)
     reach = 0.5 * (even[1] - even[0]) if len(even) > 1 else 0.0
@@ -259,7 +234,7 @@ def _frames(marks: Sequence[int], poses: int) -> list[int]:
 
 
 def _colour(frame: int, marks: Sequence[int], pale: float = 0.0) -> Colour:
-    """Keys from the start's colour to the target's; generated frames pass through the pale colours between them.
+    """The colour of a frame: keys from the start's to the target's, generated frames paler.
 
     ``pale`` above 0 darkens generated frames towards the keys' colours, for thin marks on paper.
     """
@@ -269,7 +244,7 @@ def _colour(frame: int, marks: Sequence[int], pale: float = 0.0) -> Colour:
     if frame in marks:
         return full
     k = min(int(2.0 * part), 1)
-    return mix(mix(PALE[k], PALE[k + 1], 2.0 * part - k), full, pale)
+    return mix(mix(PALE_COLOURS[k], PALE_COLOURS[k + 1], 2.0 * part - k), full, pale)
 
 
 def _ground(played: Cast, frames: list[int]) -> Float[ndarray, "frame 3"]:
@@ -278,7 +253,7 @@ def _ground(played: Cast, frames: list[int]) -> Float[ndarray, "frame 3"]:
 
 
 def _extent(played: Cast) -> tuple[float, float]:
-    """How high the motion reaches above its floor, and how wide a pose is on screen, metres."""
+    """The height of the motion above its floor, and the width of a pose on screen, metres."""
     camera = look(played.heading(), np.zeros(3), (0.0, 0.0), 1.0)
     across = camera.project(played.positions)[..., 0]
     high = float(played.positions[..., 1].max()) - played.floor
