@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,15 +14,15 @@ from strategies import humanoid_motions
 
 from interpose import retarget, rotation
 from interpose.demo import poses
-from interpose.motion import Motion, concatenate, mirror
+from interpose.motion import Motion, SourceLayout, concatenate, mirror
 from interpose.retarget.mirrored import counterparts, mirrored
 from interpose.skeleton import HUMANOID, MIRROR, Skeleton
 
-PLAN = retarget.map_skeleton(poses.pose(poses.STAND))
+STAND_MAPPING = retarget.map_skeleton(poses.pose(poses.STAND))
 TRUNK = [i for i, name in enumerate(HUMANOID.names) if not name.startswith(("Left", "Right"))]
 
 
-def planned(motion: Motion) -> retarget.Mapping:
+def mapped(motion: Motion) -> retarget.Mapping:
     return retarget.map_skeleton(motion)
 
 
@@ -40,13 +42,13 @@ def facing(motion: Motion, hips: int = 0) -> ndarray:
 
 @given(humanoid_motions())
 def test_twice_is_the_pose_itself(motion: Motion) -> None:
-    close(mirrored(mirrored(motion, PLAN), PLAN), motion)
+    close(mirrored(mirrored(motion, STAND_MAPPING), STAND_MAPPING), motion)
 
 
 @pytest.mark.parametrize("rig", RIGS, ids=lambda rig: f"{rig.profile}-{rig.hips}")
 def test_twice_is_the_pose_itself_on_every_family_of_rigs(rig: Rig) -> None:
     motion = random_motion(build(rig), 1)
-    mapping = planned(motion)
+    mapping = mapped(motion)
     once = mirrored(motion, mapping)
     close(mirrored(once, mapping), motion)
     assert np.abs(once.global_positions() - motion.global_positions()).max() > 0.1
@@ -58,7 +60,7 @@ def test_twice_is_the_pose_itself_on_every_family_of_rigs(rig: Rig) -> None:
 def test_every_joint_is_seen_in_the_mirror(rig: Rig) -> None:
     """On a rig that is its own mirror each joint lies where the other side's is seen."""
     motion = random_motion(build(rig), 2)
-    mapping = planned(motion)
+    mapping = mapped(motion)
     made = mirrored(motion, mapping)
     hips, yaw = motion.global_positions()[:, mapping.hips], facing(motion, mapping.hips)
     mirror_at = np.stack([np.cos(yaw), np.zeros_like(yaw), -np.sin(yaw)], axis=-1)  # the plane's normal, to the left
@@ -75,7 +77,7 @@ def test_every_joint_is_seen_in_the_mirror(rig: Rig) -> None:
 def test_feet_exchange_and_the_hips_stay_where_they_are_and_as_they_face(heading: float) -> None:
     for pose in (poses.WALK_LEFT, poses.KARATE, poses.DRUNK):
         motion = poses.pose(pose, (3.0, -2.0), heading)
-        made = mirrored(motion, PLAN)
+        made = mirrored(motion, STAND_MAPPING)
         np.testing.assert_allclose(made.root_positions, motion.root_positions, atol=1e-9)
         np.testing.assert_allclose(facing(made), facing(motion), atol=1e-9)
         ahead = np.array([np.sin(facing(motion)[0]), 0.0, np.cos(facing(motion)[0])])
@@ -89,8 +91,8 @@ def test_feet_exchange_and_the_hips_stay_where_they_are_and_as_they_face(heading
 
 
 def test_it_is_the_mirror_of_the_humanoid_about_its_own_facing() -> None:
-    motion = concatenate(*(poses.pose(one) for one in (poses.AEROPLANE, poses.KARATE)))
-    made = mirrored(motion, PLAN)
+    motion = concatenate(*(poses.pose(one) for one in (poses.AEROSTANDE, poses.KARATE)))
+    made = mirrored(motion, STAND_MAPPING)
     plain = mirror(motion)
     # `mirror` faces the other way where the hips are turned; turned back, the poses are the same.
     back = rotation.from_rotation_vector(2.0 * facing(motion)[:, None] * np.array([0.0, 1.0, 0.0]))
@@ -106,8 +108,8 @@ def test_places_of_joints_that_a_file_animates_are_seen_in_the_mirror_and_come_b
     places = HUMANOID.offsets + rng.normal(0.0, 0.02, (2, len(HUMANOID), 3))
     places[:, 0] = motion.root_positions
     motion = Motion(HUMANOID, motion.root_positions, motion.local_rotations, 30.0, places)
-    once = mirrored(motion, PLAN)
-    twice = mirrored(once, PLAN)
+    once = mirrored(motion, STAND_MAPPING)
+    twice = mirrored(once, STAND_MAPPING)
     close(twice, motion)
     assert once.translations is not None
     np.testing.assert_array_equal(once.translations[:, 0], once.root_positions)
@@ -122,8 +124,8 @@ def test_a_turned_rest_pose_makes_no_difference() -> None:
              for name in HUMANOID.names if name.endswith(("Arm", "Hand", "Leg", "Foot"))}  # fmt: skip
     motion = concatenate(poses.pose(poses.KARATE), poses.pose(poses.WARY, (1.0, 0.0), 70.0))
     _, other = repose(HUMANOID, motion, turns)
-    expected = mirrored(motion, PLAN).global_positions()
-    np.testing.assert_allclose(mirrored(other, planned(other)).global_positions(), expected, atol=1e-6)
+    expected = mirrored(motion, STAND_MAPPING).global_positions()
+    np.testing.assert_allclose(mirrored(other, mapped(other)).global_positions(), expected, atol=1e-6)
 
 
 def test_joints_beyond_the_22_find_their_other_side_by_name() -> None:
@@ -132,7 +134,7 @@ def test_joints_beyond_the_22_find_their_other_side_by_name() -> None:
     parents = (*HUMANOID.parents, left, left, right, right, HUMANOID.index("Head"), 0)
     some = np.tile([0.05, 0.0, 0.0], (6, 1))
     skeleton = Skeleton(names, parents, np.concatenate([HUMANOID.offsets, some]))
-    mapping = planned(random_motion(skeleton, 0))
+    mapping = mapped(random_motion(skeleton, 0))
     other = counterparts(mapping)
     pairs = {names[i]: names[j] for i, j in enumerate(other.tolist())}
     assert pairs["LeftThumb"] == "RightThumb"
@@ -160,7 +162,7 @@ def test_sides_are_spelled_in_many_ways(pair: tuple[str, str]) -> None:
     names = (*HUMANOID.names, *pair, "lore", "rest", "x.l.y")
     parents = (*HUMANOID.parents, left, right, 0, 0, 0)
     offsets = np.concatenate([HUMANOID.offsets, np.full((5, 3), 0.05)])
-    other = counterparts(planned(random_motion(Skeleton(names, parents, offsets), 0)))
+    other = counterparts(mapped(random_motion(Skeleton(names, parents, offsets), 0)))
     assert other[22:].tolist() == [23, 22, 24, 25, 26]
 
 
@@ -171,7 +173,7 @@ def test_a_namesake_elsewhere_is_not_the_other_side() -> None:
         (*HUMANOID.parents, left, head),
         np.concatenate([HUMANOID.offsets, np.full((2, 3), 0.05)]),
     )
-    other = counterparts(planned(random_motion(skeleton, 0)))
+    other = counterparts(mapped(random_motion(skeleton, 0)))
     assert other[22:].tolist() == [22, 23]
 
 
@@ -186,7 +188,7 @@ def test_fingers_bend_on_the_other_hand() -> None:
     local = np.concatenate([stand.local_rotations, np.tile(rotation.IDENTITY, (1, 2, 1))], axis=1)
     local[0, 22] = about("y", 50.0)
     motion = Motion(skeleton, stand.root_positions, local, 30.0)
-    made = mirrored(motion, planned(motion))
+    made = mirrored(motion, mapped(motion))
     np.testing.assert_allclose(np.abs(made.local_rotations[0, 22] @ rotation.IDENTITY), 1.0, atol=1e-6)
     np.testing.assert_allclose(np.abs(made.local_rotations[0, 23] @ about("y", -50.0)), 1.0, atol=1e-6)
 
@@ -198,14 +200,16 @@ def test_hips_that_hang_beside_their_root_stay_where_they_are() -> None:
         np.concatenate([np.zeros((1, 3)), [[0.2, 0.9, 0.05]], HUMANOID.offsets[1:]]),
     )
     motion = random_motion(skeleton, 4)
-    mapping = planned(motion)
+    mapping = mapped(motion)
     made = mirrored(motion, mapping)
     assert mapping.hips == 1
     np.testing.assert_allclose(made.global_positions()[:, 1], motion.global_positions()[:, 1], atol=1e-9)
 
 
 def test_rate_and_layout_stay() -> None:
-    motion = Motion(HUMANOID, np.zeros((1, 3)), np.tile(rotation.IDENTITY, (1, 22, 1)), 24.0, layout="as it was")
-    made = mirrored(motion, PLAN)
-    assert (made.rate, made.layout) == (24.0, "as it was")
+    layout = Mock(spec=SourceLayout)
+    motion = Motion(HUMANOID, np.zeros((1, 3)), np.tile(rotation.IDENTITY, (1, 22, 1)), 24.0, layout=layout)
+    made = mirrored(motion, STAND_MAPPING)
+    assert made.rate == 24.0
+    assert made.layout is layout
     assert made.translations is None
