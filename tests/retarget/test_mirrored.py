@@ -91,7 +91,7 @@ def test_feet_exchange_and_the_hips_stay_where_they_are_and_as_they_face(heading
 
 
 def test_it_is_the_mirror_of_the_humanoid_about_its_own_facing() -> None:
-    motion = concatenate(*(poses.pose(one) for one in (poses.AEROSTANDE, poses.KARATE)))
+    motion = concatenate(*(poses.pose(one) for one in (poses.AEROPLANE, poses.KARATE)))
     made = mirrored(motion, STAND_MAPPING)
     plain = mirror(motion)
     # `mirror` faces the other way where the hips are turned; turned back, the poses are the same.
