@@ -15,8 +15,8 @@ Rule = Callable[[np.ndarray, float], np.ndarray]
 def feet(heights: np.ndarray, forward: np.ndarray) -> np.ndarray:
     """Positions of 22 joints, the four foot joints at ``heights`` (frame, 4) and at z ``forward`` (frame, 4)."""
     positions = np.zeros((len(heights), len(HUMANOID), 3))
-    positions[:, contacts.INDICES, 1] = heights
-    positions[:, contacts.INDICES, 2] = forward
+    positions[:, contacts.CONTACT_INDICES, 1] = heights
+    positions[:, contacts.CONTACT_INDICES, 2] = forward
     return positions
 
 
@@ -32,7 +32,7 @@ def walk(steps: int = 4, half: int = 15) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_columns_are_the_benchmarks_joints() -> None:
-    assert contacts.INDICES == (3, 4, 7, 8)
+    assert contacts.CONTACT_INDICES == (3, 4, 7, 8)
 
 
 @pytest.mark.parametrize("rule", [contacts.detect, contacts.by_speed])

@@ -36,7 +36,7 @@ def folder(tmp_path: Path, bvh: BvhText) -> Path:
 
 def standing(height: float, frames: int = 60) -> np.ndarray:
     positions = np.zeros((frames, len(HUMANOID), 3))
-    positions[:, contacts.INDICES, 1] = contacts.REST_HEIGHTS + height
+    positions[:, contacts.CONTACT_INDICES, 1] = contacts.REST_HEIGHTS + height
     return positions
 
 
@@ -264,19 +264,19 @@ def test_a_character_that_hovers_is_put_on_the_floor(tmp_path: Path, bvh: BvhTex
 
 def test_the_floor_is_where_feet_rest_and_not_where_they_are_held() -> None:
     positions = standing(0.25)
-    positions[20:, contacts.INDICES, 1] += 0.4
+    positions[20:, contacts.CONTACT_INDICES, 1] += 0.4
     assert ingest.floor_height(positions, 30.0) == pytest.approx(0.25)
 
 
 def test_a_foot_that_rests_on_its_toes_does_not_move_the_floor() -> None:
     positions = standing(0.0)
-    positions[:, contacts.INDICES[::2], 1] += 0.1
+    positions[:, contacts.CONTACT_INDICES[::2], 1] += 0.1
     assert ingest.floor_height(positions, 30.0) == pytest.approx(0.0)
 
 
 def test_feet_that_never_rest_do_not_move_the_floor() -> None:
     positions = standing(0.5)
-    positions[:, contacts.INDICES, 2] = np.arange(60)[:, None] / 30.0
+    positions[:, contacts.CONTACT_INDICES, 2] = np.arange(60)[:, None] / 30.0
     assert ingest.floor_height(positions, 30.0) == 0.0
 
 

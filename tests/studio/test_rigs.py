@@ -14,7 +14,7 @@ from strategies import motions
 from studio_rigs import STAND, moved, no_humanoid, opened, walk
 
 from interpose import io
-from interpose.data.contacts import JOINTS
+from interpose.data.contacts import CONTACT_JOINTS
 from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID, Skeleton
@@ -146,7 +146,7 @@ def heights(rig: Rig, motion: Motion) -> dict[str, tuple[float, float]]:
 
 def check_heights(found: dict[str, tuple[float, float]], size: float = 1.0) -> None:
     """Our figure's soles are 5 mm thicker than those that contacts are judged by, and its soles are quite flat."""
-    assert tuple(found) == JOINTS
+    assert tuple(found) == CONTACT_JOINTS
     for name, (expected, there) in found.items():
         if name.endswith("Toe"):
             assert expected == pytest.approx(there, abs=0.006 * size)

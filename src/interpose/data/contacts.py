@@ -12,10 +12,10 @@ from scipy.ndimage import median_filter
 
 from interpose.skeleton import HUMANOID
 
-JOINTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
+CONTACT_JOINTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
 """The joints of the four columns, here and in a database."""
 
-INDICES = tuple(HUMANOID.index(name) for name in JOINTS)
+CONTACT_INDICES = tuple(HUMANOID.index(name) for name in CONTACT_JOINTS)
 
 REST_HEIGHTS = np.array([0.075, 0.015, 0.075, 0.015])
 """Height of each joint above the floor when the foot is flat on it, metres."""
@@ -41,8 +41,8 @@ def by_speed(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarr
     The last frame repeats the one before it.
     """
     if len(positions) == 1:
-        return np.ones((1, len(JOINTS)), dtype=bool)
-    step = np.linalg.norm(np.diff(positions[:, INDICES], axis=0), axis=-1) * rate
+        return np.ones((1, len(CONTACT_JOINTS)), dtype=bool)
+    step = np.linalg.norm(np.diff(positions[:, CONTACT_INDICES], axis=0), axis=-1) * rate
     still = step < BENCHMARK_SPEED
     return np.concatenate([still, still[-1:]])
 
@@ -52,7 +52,7 @@ def detect(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray
 
     A single frame is judged by its heights alone.
     """
-    feet = positions[:, INDICES]
+    feet = positions[:, CONTACT_INDICES]
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * rate
     down = (speed < CONTACT_SPEED) & (feet[..., 1] < REST_HEIGHTS + CONTACT_CLEARANCE)

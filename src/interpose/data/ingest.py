@@ -190,7 +190,7 @@ def floor_height(positions: Float[ndarray, "frame 22 3"], rate: float) -> float:
     Ankles and toes each give an estimate, the 5th percentile of their heights while they are still. The smaller one
     counts: in some clips a foot lies on its side or rests on its toes throughout.
     """
-    feet = positions[:, contacts.INDICES]
+    feet = positions[:, contacts.CONTACT_INDICES]
     still = np.linalg.norm(motions.velocities(feet, rate), axis=-1) < contacts.CONTACT_SPEED
     above = feet[..., 1] - contacts.REST_HEIGHTS
     heights = [np.percentile(above[:, part][still[:, part]], 5) for part in ([0, 2], [1, 3]) if still[:, part].any()]

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-RATE = 30.0
-"""Frames a second inside every model."""
-JOINTS = 22
+from interpose.data.contacts import CONTACT_JOINTS
+from interpose.skeleton import HUMANOID, MODEL_RATE
+
+RATE = MODEL_RATE
+JOINTS = len(HUMANOID)
 POSE = 3 + JOINTS * 6
 """Numbers of a pose: the hips' position, then the joints' global rotations as 6-D."""
 CHANNELS = 10
@@ -22,7 +24,6 @@ KEY_STEP = 5
 """Frames between neighbouring keys: 1/6 s."""
 HISTORY = SIDE_KEYS * KEY_STEP + 1
 """Frames of past that the window needs, the present one included."""
-CONTACTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
 LONGEST_ARRIVAL = 91
 """Longest time to arrival seen in training, in frames (3 s); longer ones are shown to the network as this."""
 
@@ -77,7 +78,7 @@ def output_layout(absolute: bool) -> Layout:
             *pose,
             ("rotation", JOINTS * 6),
             ("velocity", JOINTS * 3),
-            ("contact", future * len(CONTACTS)),
+            ("contact", future * len(CONTACT_JOINTS)),
             ("trajectory", future * 6),
             ("phase", future * CHANNELS * 3),  # (p_sin, p_cos, frequency in Hz)
         )

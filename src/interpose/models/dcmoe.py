@@ -28,9 +28,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from interpose.data.contacts import CONTACT_JOINTS
 from interpose.features import (
     CHANNELS,
-    CONTACTS,
     EXPERT_INPUT,
     GATE_INPUT,
     JOINTS,
@@ -273,7 +273,7 @@ class DCMoE(nn.Module):
             raw_positions=part["position"].reshape(batch, JOINTS, 3) if self.size.absolute else local,
             rotations=(rotations.reshape(batch, -1, 3) @ frame).reshape(batch, JOINTS, 6),
             velocities=part["velocity"].reshape(batch, JOINTS, 3),
-            contacts=part["contact"].reshape(batch, SIDE_KEYS + 1, len(CONTACTS)),
+            contacts=part["contact"].reshape(batch, SIDE_KEYS + 1, len(CONTACT_JOINTS)),
             trajectory=part["trajectory"].reshape(batch, SIDE_KEYS + 1, 6),
             phases=part["phase"].reshape(batch, SIDE_KEYS + 1, CHANNELS, 3),
             frame=frame,

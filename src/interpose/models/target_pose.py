@@ -16,13 +16,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from interpose.features import CONTACTS, JOINTS, POSE, RATE
+from interpose.data.contacts import CONTACT_JOINTS
+from interpose.features import JOINTS, POSE, RATE
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 from interpose.models.layers import residual_mlp
 from interpose.models.normal import Normal, normal
 from interpose.skeleton import HUMANOID
 
-OUTPUT_WIDTH = POSE + len(CONTACTS)
+OUTPUT_WIDTH = POSE + len(CONTACT_JOINTS)
 LONGEST_TARGET_FRAMES = 300
 """Frames to the target; more are seen as these."""
 TORSO = ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head")
@@ -78,7 +79,7 @@ class Place(NamedTuple):
 
 
 class Completed(NamedTuple):
-    """A whole pose, world frame, and the logits of what stands in it (`interpose.features.CONTACTS`)."""
+    """A whole pose, world frame, and the logits of what stands in it (`interpose.data.contacts.CONTACT_JOINTS`)."""
 
     hips: Float[Tensor, "batch 3"]
     rotations: Float[Tensor, "batch joint 3 3"]

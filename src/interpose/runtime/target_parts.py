@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from interpose import retarget, rotation
 from interpose import skeleton as kinematics
-from interpose.data.contacts import INDICES, REST_HEIGHTS
+from interpose.data.contacts import CONTACT_INDICES, REST_HEIGHTS
 from interpose.data.root import pose_yaw
 from interpose.errors import InputError
 from interpose.features import RATE
@@ -170,7 +170,7 @@ def _predicted(
 
 def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]:
     """The start pose where the given part is, and what stands in it: turned with the hips, where those are given."""
-    pose, stands = start, (start.global_positions()[0, INDICES, 1] < REST_HEIGHTS + _SLACK).astype(float)
+    pose, stands = start, (start.global_positions()[0, CONTACT_INDICES, 1] < REST_HEIGHTS + _SLACK).astype(float)
     if 0 in parts.joints or parts.ground:
         turn = _yawed(_apart(pose, goal))
         pose = _turned(pose, turn)
@@ -303,7 +303,7 @@ def _sunk(pose: Motion, parts: Parts) -> dict[int, Float[ndarray, "3"]]:
     """How high the free joints of a pose on the 22 are to be, wherever, that lie under the floor."""
     heights = pose.global_positions()[0, :, 1]
     level = np.full(len(HUMANOID), _THICK)
-    level[[*INDICES]] = REST_HEIGHTS - np.tile([_SLACK, 0.0], 2)
+    level[[*CONTACT_INDICES]] = REST_HEIGHTS - np.tile([_SLACK, 0.0], 2)
     return {
         joint: np.array([np.nan, level[joint], np.nan])
         for joint in np.flatnonzero(heights < level - _SUNK).tolist()

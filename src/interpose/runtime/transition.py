@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from interpose import retarget
-from interpose.data.contacts import INDICES
+from interpose.data.contacts import CONTACT_INDICES
 from interpose.gallery.paths import retime
 from interpose.motion import Motion, concatenate, sample
 from interpose.runtime import inertia
@@ -183,7 +183,7 @@ def _moving(before: NeighbourPose, context: Batch) -> Bool[ndarray, "batch 4"]:
     """Which foot joints come to the start key in motion: such a foot does not stand there yet."""
 
     def feet_of(root: Float[ndarray, "batch 3"], local: Float[ndarray, "batch 22 4"]) -> Float[ndarray, "batch 4 3"]:
-        return Motion(HUMANOID, root, local, MODEL_RATE).global_positions()[:, INDICES]
+        return Motion(HUMANOID, root, local, MODEL_RATE).global_positions()[:, CONTACT_INDICES]
 
     moved = feet_of(context[0][:, -1], context[1][:, -1]) - feet_of(before.root, before.local)
     return np.linalg.norm(moved, axis=-1) > LANDING_SPEED * before.seconds

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from interpose import io, retarget
-from interpose.data.contacts import JOINTS, REST_HEIGHTS
+from interpose.data.contacts import CONTACT_JOINTS, REST_HEIGHTS
 from interpose.errors import InputError
 from interpose.mannequin import mannequin
 from interpose.motion import Motion
@@ -139,7 +139,7 @@ def feet(mapping: retarget.Mapping) -> list[FootJoint]:
     """
     ankle = (_TOES - mapping.lift) / mapping.scale
     out = []
-    for name, usual, flat in zip(JOINTS, REST_HEIGHTS, _FLAT_FEET, strict=True):
+    for name, usual, flat in zip(CONTACT_JOINTS, REST_HEIGHTS, _FLAT_FEET, strict=True):
         joint = mapping.joints[HUMANOID.index(name)]
         if joint is None:
             continue

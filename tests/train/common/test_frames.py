@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from interpose.data import label_issues
-from interpose.train.common.frames import load_frames, origin
+from interpose.train.common.frames import joined_styles, load_frames, origin
 
 
 @pytest.fixture
@@ -31,6 +31,14 @@ def test_frames_that_were_dropped_have_their_label_set_free(database, distilled)
 def test_frames_without_a_label_are_free(database):
     unlabelled = replace(database, clips=tuple(replace(clip, style="") for clip in database.clips))
     assert (load_frames(unlabelled, None, list(learning.STYLES), [(30, 120)]).style == 0).all()
+
+
+def test_styles_that_differ_in_case_alone_are_one_label(database):
+    def spelled(style):
+        return replace(database, clips=tuple(replace(clip, style=style) for clip in database.clips))
+
+    assert joined_styles([spelled("Walk"), database, spelled("walk")]) == tuple(sorted({"Walk", *learning.STYLES}))
+    assert (load_frames(spelled("walk"), None, ["Run", "Walk"], [(30, 120)]).style == 2).all()
 
 
 def test_a_run_remembers_which_labels_counted(database, distilled):

@@ -9,7 +9,7 @@ import torch
 from stitch_learning import KNOWN, drawn
 
 from interpose import skeleton
-from interpose.data.contacts import INDICES as FEET
+from interpose.data.contacts import CONTACT_INDICES as FEET
 from interpose.features import RATE
 from interpose.features.stitch import ANCHORS, STANDING
 from interpose.models.geometry import root_frame, to_matrix

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from interpose.features import CONTACTS, RATE
+from interpose.data.contacts import CONTACT_JOINTS
+from interpose.features import RATE
 from interpose.models.dcmoe import Prediction
 from interpose.skeleton import HUMANOID
 from interpose.train.dcmoe import losses
@@ -96,7 +97,7 @@ def test_a_foot_that_is_said_to_stand_must_not_move(case):
     """Equation 4: the velocity of feet times the predicted contact, at the next frame."""
     said, truth, here = case
     half = said.contacts.clone()
-    half[0, 0, CONTACTS.index("LeftToe")] = 0.0
+    half[0, 0, CONTACT_JOINTS.index("LeftToe")] = 0.0
     speed = said.velocities[0, LEFT_TOE].norm()
     each = terms(said._replace(contacts=half), truth, here)
     assert float(each["contacts'"]) == pytest.approx(float(0.5 * speed / 4 / ROWS), rel=1e-5)
@@ -206,7 +207,7 @@ def test_a_joint_off_its_place_costs_position_displacement_and_consistency(case)
 def test_a_truly_planted_foot_must_not_move(case):
     said, truth, here = case
     contacts = truth.contacts.clone()
-    contacts[2, 0, CONTACTS.index("LeftToe")] = 1.0
+    contacts[2, 0, CONTACT_JOINTS.index("LeftToe")] = 1.0
     moved = float((said.positions - here)[2, LEFT_TOE].norm())
     _, each = unrolled(said, replace(truth, contacts=contacts), here, Weights())
     assert float(each["foot"]) == pytest.approx(moved / 4 / ROWS, rel=1e-5)
@@ -236,7 +237,7 @@ def test_every_term_has_a_weight(case):
 
 
 def test_feet_are_found_by_name():
-    assert [HUMANOID.names[joint] for joint in losses.FEET] == list(CONTACTS)
+    assert [HUMANOID.names[joint] for joint in losses.FEET] == list(CONTACT_JOINTS)
 
 
 def still(frames, height=0.0):

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from interpose.data.contacts import INDICES as FEET
+from interpose.data.contacts import CONTACT_INDICES as FEET
 from interpose.features.stitch import seam
 from interpose.train.common.gaps import Motion
 from interpose.train.stitch.losses import PAPER, Weights, chains

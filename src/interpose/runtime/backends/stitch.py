@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose import rotation
-from interpose.data.contacts import INDICES
+from interpose.data.contacts import CONTACT_INDICES
 from interpose.features.stitch import STANDING, memory_shapes, schedule, seam
 from interpose.runtime import planner
 from interpose.runtime.backends.backend import Abilities, trained
@@ -124,7 +124,7 @@ def _body(pose: Pose, velocities: Float[ndarray, "batch 22 3"] | None) -> dict[s
         "positions": pose.positions,
         "velocities": np.zeros_like(pose.positions) if velocities is None else velocities,
         "known": np.full((count, 1), float(velocities is not None)),
-        "contacts": (pose.positions[:, INDICES, 1] < np.array(STANDING)).astype(float),
+        "contacts": (pose.positions[:, CONTACT_INDICES, 1] < np.array(STANDING)).astype(float),
         "phase": np.zeros((count, 4)),
     }
 

@@ -16,8 +16,9 @@ from numpy import ndarray
 
 from interpose import retarget, rotation
 from interpose import skeleton as kinematics
+from interpose.data.contacts import CONTACT_JOINTS
 from interpose.errors import InputError
-from interpose.features import CONTACTS, POSE
+from interpose.features import POSE
 from interpose.features.plan import LONGEST_PLAN_STEPS
 from interpose.motion import Motion, concatenate
 from interpose.runtime import planner, poses
@@ -73,7 +74,7 @@ class Streams:
         self._given: list[Motion | None] = [None] * self._count
         self._aimed_styles = self._styles
         self._left: Int[ndarray, "row"] = np.zeros(self._count, dtype=int)
-        self.contacts = np.zeros((self._count, len(CONTACTS)))
+        self.contacts = np.zeros((self._count, len(CONTACT_JOINTS)))
         self._fade = fading.none(self._count)
         self._feet = FootLock(self._count) if plant else None
 

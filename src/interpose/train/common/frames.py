@@ -64,7 +64,8 @@ def load_frames(
     so does the label of a frame that `interpose labels` dropped.
     """
     labels, trusted = database.style_indices(), label_issues.kept(database)
-    known = np.array([*(styles.index(s) + 1 if s in styles else 0 for s in database.styles), 0])  # the last for -1
+    label_of = {style.casefold(): i for i, style in enumerate(styles, start=1)}
+    known = np.array([*(label_of.get(style.casefold(), 0) for style in database.styles), 0])  # the last for -1
     starts = database.ranges[:, 0]
     parts: list[dict[str, np.ndarray]] = []
     at = 0
@@ -97,6 +98,14 @@ def load_frames(
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     whole = {"style", "first", "last"}
     return Frames(**{k: torch.tensor(v, dtype=torch.int64 if k in whole else torch.float32) for k, v in joined.items()})
+
+
+def joined_styles(databases: list[Database]) -> tuple[str, ...]:
+    """The styles of all databases, sorted. Names that differ in case alone are one style, spelled as in the first."""
+    spelled: dict[str, str] = {}
+    for style in (style for database in databases for style in database.styles):
+        spelled.setdefault(style.casefold(), style)
+    return tuple(sorted(spelled.values()))
 
 
 def divided(

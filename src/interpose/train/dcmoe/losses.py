@@ -15,14 +15,14 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.data.contacts import INDICES, SLIDE_HEIGHT
+from interpose.data.contacts import CONTACT_INDICES, SLIDE_HEIGHT
 from interpose.features import RATE
 from interpose.models.dcmoe import Prediction
 from interpose.train.common.parallel import ALONE, Group
 from interpose.train.dcmoe.sequences import Truth
 
-FEET = list(INDICES)
-TOES = [INDICES[1], INDICES[3]]
+FEET = list(CONTACT_INDICES)
+TOES = [CONTACT_INDICES[1], CONTACT_INDICES[3]]
 SPAN = 6
 """Frames over which jerk is compared."""
 

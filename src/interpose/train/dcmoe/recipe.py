@@ -26,7 +26,7 @@ from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, Stat
 from interpose.models.planner import Planner
 from interpose.train.common import checkpoint, loop
 from interpose.train.common.config import preset_of
-from interpose.train.common.frames import Frames, backwards, divided, origin
+from interpose.train.common.frames import Frames, backwards, divided, joined_styles, origin
 from interpose.train.common.gaps import Gaps, true_poses
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.common.parallel import ALONE, Group, processes
@@ -67,7 +67,7 @@ def train(
         kind = "motion that runs backwards" if backward else "the paper's own form"
         raise InputError(f"--plan cannot be used with {kind}; leave it out")
     loaded = [database.load(path) for path in data]
-    styles = tuple(sorted({s for d in loaded for s in d.styles}))
+    styles = joined_styles(loaded)
     planner, planned = (None, None) if plan is None else load_for(plan, styles)
     chosen = replace(
         chosen,

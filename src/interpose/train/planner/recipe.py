@@ -18,7 +18,7 @@ from interpose.errors import InputError
 from interpose.models.planner import Planner
 from interpose.train.common import checkpoint, loop
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, origin
+from interpose.train.common.frames import Frames, divided, joined_styles, origin
 from interpose.train.common.gaps import Gaps, draw
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.common.parallel import ALONE, Group, processes
@@ -46,7 +46,7 @@ def train(
     """
     chosen = config or preset_of(PRESETS, preset)
     loaded = [database.load(path) for path in data]
-    styles = tuple(sorted({style for one in loaded for style in one.styles}))
+    styles = joined_styles(loaded)
     size = replace(chosen.size, styles=len(styles))
     chosen = replace(chosen, size=size, seed=seed, styles=styles, **origin(loaded))
     training, held_out = divided(loaded, list(styles))

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from interpose.data import database
-from interpose.data.contacts import INDICES
+from interpose.data.contacts import CONTACT_INDICES
 from interpose.errors import InputError
 from interpose.models.detail_transformer import DetailSize, DetailTransformer, refined_loss
 from interpose.models.geometry import joint_positions, to_matrix
@@ -126,7 +126,7 @@ def run(
         steps = int(torch.randint(stitch.shortest - 1, stitch.longest, (1,), generator=generator, device=device))
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
             made, true = transitions(rough, data, stitch, steps, config.rows, generator)
-            total, each = refined_loss(model(*made), true, INDICES)
+            total, each = refined_loss(model(*made), true, CONTACT_INDICES)
         descend(total, [model], optimizer, average, model, config.clip)
         out = scalars(total, each)
         if (step + 1) % 200 == 0 or step + 1 == config.steps:

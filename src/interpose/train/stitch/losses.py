@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from interpose.data.contacts import INDICES
+from interpose.data.contacts import CONTACT_INDICES
 from interpose.train.dcmoe.losses import energy, skate
 from interpose.train.stitch.rollout import Chain, Stitched
 from interpose.train.stitch.truth import TrueMotion
@@ -90,7 +90,7 @@ def chains(
             else (logits.sigmoid() - down).abs()
         ),
         "displacement": rows((step - true_step).abs()),
-        "foot": rows(stands[..., None] * step[:, :, INDICES].abs()),
+        "foot": rows(stands[..., None] * step[:, :, CONTACT_INDICES].abs()),
         "skate": skate(made.positions).mean(),
         "energy": energy(made.positions, true.positions).mean(),
     }

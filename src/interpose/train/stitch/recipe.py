@@ -22,7 +22,7 @@ from interpose.models.planner import Planner
 from interpose.models.stitching_cvae import StitchingCVAE
 from interpose.train.common import checkpoint, loop
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, origin
+from interpose.train.common.frames import Frames, divided, joined_styles, origin
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.planner.recipe import load_for
 from interpose.train.stitch.config import PRESETS, StitchConfig, ablations
@@ -61,7 +61,7 @@ def train(
     if not chosen.needs_plan and plan is not None:
         raise InputError(f"preset {chosen.preset!r} uses no planner; leave out --plan")
     loaded = [database.load(path) for path in data]
-    styles = tuple(sorted({s for d in loaded for s in d.styles}))
+    styles = joined_styles(loaded)
     planner, planned = (None, None) if plan is None else load_for(plan, styles)
     size = replace(chosen.size, styles=len(styles), plan=None if planned is None else planned.size)
     if planned is not None and size.latents == "gap":

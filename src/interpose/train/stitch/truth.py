@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from interpose.data.contacts import INDICES
+from interpose.data.contacts import CONTACT_INDICES
 from interpose.features.stitch import STANDING
 from interpose.models.geometry import root_frame
 from interpose.models.stitch_forms import Body
@@ -92,4 +92,4 @@ def chain_ends(data: Frames, gaps: Gaps, true: TrueMotion) -> tuple[Body, Body]:
 
 def standing(positions: Float[Tensor, "row 22 3"]) -> Float[Tensor, "row 4"]:
     """Contacts of a lone key, by height."""
-    return (positions[:, INDICES, 1] < positions.new_tensor(STANDING)).float()
+    return (positions[:, CONTACT_INDICES, 1] < positions.new_tensor(STANDING)).float()

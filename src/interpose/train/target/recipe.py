@@ -25,7 +25,7 @@ from interpose.models.normal import Normal, divergence
 from interpose.models.target_pose import LONGEST_TARGET_FRAMES, TargetInput, TargetPose, TargetSize, posed, residual
 from interpose.train.common import checkpoint, loop
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, origin
+from interpose.train.common.frames import Frames, divided, joined_styles, origin
 from interpose.train.common.optimize import descend, scalars
 
 
@@ -89,7 +89,7 @@ def train(
     """
     chosen = config or preset_of(PRESETS, preset)
     loaded = [database.load(path) for path in data]
-    styles = tuple(sorted({style for one in loaded for style in one.styles}))
+    styles = joined_styles(loaded)
     size = replace(chosen.size, styles=len(styles))
     chosen = replace(chosen, seed=seed, size=size, styles=styles, **origin(loaded))
     training, held_out = divided(loaded, list(styles))
