@@ -48,7 +48,14 @@ def model(tmp_path_factory, monkeypatch):
     folder = tmp_path_factory.mktemp("models") / "swaying"
     folder.mkdir()
     styles = ["Angry", "Old"]
-    info = {"format": 1, "name": "swaying", "method": "dcmoe", "styles": styles, "licence": "MIT", "absolute": False}
+    info = {
+        "format": 2,
+        "name": "swaying",
+        "method": "dcmoe",
+        "styles": styles,
+        "licence": "MIT",
+        "training_data": ["walks"],
+    }
     (folder / "model.json").write_text(json.dumps(info))
     np.save(folder / "phases.npy", np.random.default_rng(0).normal(size=(8, 13, 10, 2)))
     monkeypatch.setattr(Session, "step", step)

@@ -10,11 +10,13 @@ import pytest
 
 from interpose.errors import InputError
 from interpose.evaluate import dcmoe, lafan1
-from interpose.evaluate.methods import Carrier
+from interpose.evaluate.fill import Carrier, Contender
 from interpose.evaluate.run import Case
 from interpose.gallery.tracks import track_of
 from interpose.motion import Motion
 from interpose.retarget import map_skeleton
+from interpose.runtime.backends.dcmoe import DCMoEBackend
+from interpose.runtime.gap_batch import Generated
 from interpose.skeleton import HUMANOID
 
 FRAMES = 8
@@ -52,28 +54,30 @@ def test_every_kind_is_scored_and_seeds_are_averaged(results):
     )
 
 
-def test_the_model_is_asked_along_the_ways_and_for_variants(lafan1_like: Path, planned_session, monkeypatch):
-    """A stand-in walks what it is shown: along the true ways its root is the true one."""
+def test_the_model_follows_the_paths_and_draws_variants(lafan1_like: Path, planned_session, monkeypatch):
+    """A stand-in walks what it is shown: along the true paths its root is the true one."""
     asked = []
 
-    def walks(model, root, local, target, target_local, frames, seed, vary, paths):
-        asked.append((seed, vary))
-        assert root.shape[1] == 1
-        ground = (
-            np.zeros((len(root), frames, 3)) if paths is None else np.stack([way[1:-1, [0, 0, 1]] for way in paths])
-        )
-        ground[..., 1] = root[:, :, 1]
-        return ground, np.repeat(local, frames, axis=1), np.zeros((len(root), frames, 4))
+    def walks(self, model, batch):
+        asked.append(batch.draws)
+        assert batch.context_root.shape[1] == 1
+        ground = np.zeros((len(batch), FRAMES, 3))
+        if None not in batch.paths:
+            ground = np.stack([path[1:-1, [0, 0, 1]] for path in batch.paths])
+        ground[..., 1] = batch.context_root[:, :, 1]
+        return Generated(ground, np.repeat(batch.context_local, FRAMES, axis=1), np.zeros((len(batch), FRAMES, 4)))
 
-    monkeypatch.setattr(dcmoe.methods, "generate_batch", walks)
+    monkeypatch.setattr(DCMoEBackend, "generate", walks)
+    model = Contender("a", DCMoEBackend(), planned_session)
     source = lafan1.read(lafan1_like)
     carrier = Carrier(source.clips[0].skeleton, 30.0, map_skeleton(source.clips[0].skeleton))
     case = Case(lafan1.cut(source.clips), FRAMES, source.scale)
     inner = slice(case.start + 1, case.target)
-    root, _ = dcmoe._filled(case, carrier, planned_session, dcmoe._true_ways(case, carrier))
+    root, _ = dcmoe._filled(case, carrier, model, dcmoe._true_paths(case, carrier))
     np.testing.assert_allclose(root[..., [0, 2]], case.windows.root[:, inner][..., [0, 2]], atol=1e-6)
-    dcmoe._filled(case, carrier, planned_session, None, 4)
-    assert asked == [(0, False), (4, True)]
+    dcmoe._filled(case, carrier, model, None, 4)
+    rows = range(len(case.windows))
+    assert asked == [tuple(None for _ in rows), tuple((4, row) for row in rows)]
 
 
 def test_gaps_are_drawn(results):
@@ -81,17 +85,17 @@ def test_gaps_are_drawn(results):
     assert not (results / "gaps-2.png").exists()
 
 
-def test_the_true_way_is_the_roots(lafan1_like: Path):
+def test_the_true_path_is_the_roots(lafan1_like: Path):
     source = lafan1.read(lafan1_like)
     first = source.clips[0]
     carrier = Carrier(first.skeleton, first.rate, map_skeleton(first.skeleton))
     windows = lafan1.cut(source.clips)
     case = Case(windows, FRAMES, source.scale)
-    ways = dcmoe._true_ways(case, carrier)
-    root, local = carrier.onto(windows.root, windows.local)
+    paths = dcmoe._true_paths(case, carrier)
+    root, local = carrier.onto((windows.root, windows.local))
     keys = slice(lafan1.PAST - 1, lafan1.PAST + FRAMES + 1)
     wanted = track_of(Motion(HUMANOID, root[2, keys], local[2, keys], first.rate))
-    np.testing.assert_allclose(ways[2], wanted, atol=1e-9)
+    np.testing.assert_allclose(paths[2], wanted, atol=1e-9)
     assert len(windows.one(2)) == 1
     np.testing.assert_array_equal(windows.one(2).positions[0], windows.positions[2])
 
@@ -99,10 +103,10 @@ def test_the_true_way_is_the_roots(lafan1_like: Path):
 @pytest.mark.parametrize(
     ("named", "lengths", "said"),
     [
-        (["a="], [5], "give interp, dcmoe or LABEL=MODEL"),
-        (["mean=lafan1"], [5], "give interp, dcmoe or LABEL=MODEL"),
-        (["stitch=stitch"], [5], "is for method stitch; see 'evaluate stitch'"),
-        (["interp"], [5], "names each model once, got interp"),
+        (["a="], [5], "a=: choose interp"),
+        (["mean=lafan1"], [5], "mean=lafan1: choose interp"),
+        (["interp"], [5], "--methods interp: name methods that follow paths, such as dcmoe or plan"),
+        (["zero-velocity", "dcmoe"], [5], "name methods that follow paths"),
         (["dcmoe"], [1], "gaps have 2 frames or more, got 1"),
     ],
 )

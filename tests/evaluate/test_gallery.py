@@ -26,7 +26,7 @@ def test_gaps_are_centred_and_begin_facing_ahead(gaps, database):
     assert gaps.frames == 30
     assert len(gaps) == len(range(0, 119, 9)) + len(range(150, 209, 9)) + len(range(240, 329, 9))
     np.testing.assert_allclose(gaps.root[..., ::2].mean(axis=1), 0.0, atol=1e-9)
-    np.testing.assert_allclose([way[0, 2] for way in gaps.ways], 0.0, atol=1e-6)
+    np.testing.assert_allclose([way[0, 2] for way in gaps.paths], 0.0, atol=1e-6)
     same = np.linalg.norm(np.diff(gaps.root[0], axis=0), axis=-1)
     np.testing.assert_allclose(same, np.linalg.norm(np.diff(database.root_positions[:32], axis=0), axis=-1), atol=1e-5)
 

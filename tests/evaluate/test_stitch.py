@@ -10,9 +10,10 @@ import pytest
 
 from interpose.errors import InputError
 from interpose.evaluate import lafan1, metrics, stitch
-from interpose.evaluate.methods import INTERP, Drawn, Samples
+from interpose.evaluate.fill import INTERP, Carrier, Contender, FilledGaps
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.stitch import Case
+from interpose.runtime.gap_batch import Batch, Draw
 
 from .conftest import MakeClip
 
@@ -48,23 +49,25 @@ def test_errors_are_those_of_the_frames_between(case: Case) -> None:
     assert found["SLDE"].value == pytest.approx(0.2)
 
 
-def drawn(case: Case, wrong: list[float]) -> Drawn:
+def test_samples_are_averaged_and_the_best_is_each_windows(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples that are so many metres off; the likeliest a metre."""
+    wrong = {None: 1.0, 1: 0.1, 2: 0.4, 3: -0.2}
 
-    def draw(root: np.ndarray, local: np.ndarray, goal: np.ndarray, _: np.ndarray, frames: int, count: int) -> Samples:
-        assert root.shape[1] == local.shape[1] == 1
+    def fill(
+        method: Contender, start: Batch, target: Batch, frames: int, *, carrier: Carrier, draws: list[Draw]
+    ) -> FilledGaps:
+        assert start[0].shape[1] == start[1].shape[1] == 1
         assert frames == 10
-        np.testing.assert_array_equal(goal, case.windows.root[:, 11])
-        inner = slice(1, 11)
-        roots = [case.windows.root[:, inner] + np.array([0.0, 0.0, off]) for off in [1.0, *wrong[:count]]]
-        motions = [(r, case.windows.local[:, inner]) for r in roots]
-        return Samples(motions, motions[0], np.full(len(root), 0.25))
+        np.testing.assert_array_equal(target[0][:, 0], case.windows.root[:, 11])
+        (seed,) = {None if draw is None else draw[0] for draw in draws}
+        assert seed is None or [draw[1] for draw in draws if draw is not None] == list(range(len(case.windows)))
+        root = case.windows.root[:, 1:11] + np.array([0.0, 0.0, wrong[seed]])
+        motion = root, case.windows.local[:, 1:11]
+        return FilledGaps(motion, motion, np.full(len(root), 0.25))
 
-    return Drawn("drawn", draw)
-
-
-def test_samples_are_averaged_and_the_best_is_each_windows(case: Case) -> None:
-    errors, found = stitch._several(case, drawn(case, [0.1, 0.4, -0.2]), 3)
+    monkeypatch.setattr(stitch, "fill", fill)
+    carrier = Carrier.of(case.windows.skeleton, case.windows.rate)
+    errors, found = stitch._several(case, Contender("drawn", INTERP.backend), carrier, 3, 0)
     assert found["drawn"]["ADE"].value == pytest.approx(1.0)
     assert found["drawn"]["MMPE"].value == pytest.approx(0.25)
     assert found["drawn sample"]["ADE"].value == pytest.approx(0.7 / 3)
@@ -111,10 +114,9 @@ def test_evaluate_writes_tables_and_figures(lafan1_like: Path, tmp_path: Path, s
 @pytest.mark.parametrize(
     ("methods", "said"),
     [
-        (["nothing"], "no such method; there are interp, zero-velocity, stitch, dcmoe"),
+        (["nothing"], "nothing: unknown method; choose interp, zero-velocity, dcmoe, stitch"),
         (["interp", "interp"], "names each method once"),
-        (["interp=x"], "give interp, zero-velocity"),
-        (["mine="], "give interp, zero-velocity"),
+        (["interp=x"], "interp=x: choose interp, zero-velocity"),
         (["mine=nowhere"], "no model 'nowhere'"),
     ],
 )
@@ -131,6 +133,7 @@ def test_lengths_that_do_not_fit(lafan1_like: Path, tmp_path: Path) -> None:
 
 
 def test_interpolation_is_the_baseline_of_the_paper(case: Case) -> None:
-    _, positions = stitch._fixed(case, INTERP)
+    carrier = Carrier.of(case.windows.skeleton, case.windows.rate)
+    positions, _ = stitch._fill(case, INTERP, carrier).motion
     start, goal = case.windows.root[:, 0], case.windows.root[:, 11]
-    np.testing.assert_allclose(positions[:, 4, 0], start + (goal - start) * 5.0 / 11.0, atol=1e-9)
+    np.testing.assert_allclose(positions[:, 4], start + (goal - start) * 5.0 / 11.0, atol=1e-9)

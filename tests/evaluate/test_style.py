@@ -73,13 +73,14 @@ def test_the_whole_command_writes_tables_and_asks_with_every_strength(database, 
     monkeypatch.setattr(style, "STEPS", 3)
     monkeypatch.setattr(style, "GAPS", 8)
     asked = []
-    generate = style.methods.generate_batch
+    fill = style.fill
 
     def watched(*given, **more):
-        asked.append((tuple(more["style"]), more["strength"]))
-        return generate(*given, **more)
+        if "styles" in more:
+            asked.append((tuple(more["styles"]), more["style_strength"]))
+        return fill(*given, **more)
 
-    monkeypatch.setattr(style.methods, "generate_batch", watched)
+    monkeypatch.setattr(style, "fill", watched)
     out = tmp_path / "out"
     rows = evaluate_style(database, session, out, strengths=(1.0, 2.0), lengths=(30,), part="all")
     assert {strength for _, strength in asked} == {1.0, 2.0}

@@ -10,7 +10,8 @@ from interpose import retarget, rotation
 from interpose.drawn_path.path_file import of_points
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.runtime.backends import dcmoe
+from interpose.runtime.backends.dcmoe import DCMoEBackend, initial_phases
+from interpose.runtime.gap_batch import Generated, draws
 from interpose.runtime.inbetween import fill, inbetween, mapping_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.ranking import TOES, foot_slide, judge
@@ -49,31 +50,22 @@ def served(monkeypatch):
     """Requests that the stand-in got: SLERP and a straight line, lifted in the middle by 10 cm for each variant."""
     asked = []
 
-    def generate_batch(
-        session,
-        start_root,
-        start_local,
-        target_root,
-        target_local,
-        each,
-        style,
-        seed,
-        vary,
-        paths,
-        control,
-        arriving,
-        strength,
-    ):
-        (frames,) = set(each)
-        asked.append({"context": start_root.shape[1], "frames": frames, "style": style, "seed": seed, "vary": vary})
-        assert (paths, control, strength) == ([None] * len(start_root), 1.0, 1.0)
+    def generate(self, model, batch):
+        (frames,) = set(batch.frames)
+        (root, local), (goal_root, goal_local) = ((x[:, None] for x in key) for key in batch.keys)
+        asked.append(
+            {"context": batch.context_root.shape[1], "frames": frames, "styles": batch.styles, "draws": batch.draws}
+        )
+        assert (batch.paths, batch.path_control, batch.style_strength) == ((None,) * len(batch), 1.0, 1.0)
         t = (np.arange(1, frames + 1) / (frames + 1))[:, None]
-        lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(start_root))[:, None, None]
-        root = (1 - t) * start_root[:, -1:] + t * target_root[:, None] + lift
-        local = rotation.slerp(start_local[:, -1:], target_local[:, None], t)
-        return root, local, np.zeros((len(start_root), frames, 4))
+        lift = np.sin(np.pi * t) * np.array([0.0, 0.1, 0.0]) * np.arange(len(batch))[:, None, None]
+        return Generated(
+            (1 - t) * root + t * goal_root + lift,
+            rotation.slerp(local, goal_local, t),
+            np.zeros((len(batch), frames, 4)),
+        )
 
-    monkeypatch.setattr("interpose.runtime.backends.dcmoe.generate_batch", generate_batch)
+    monkeypatch.setattr(DCMoEBackend, "generate", generate)
     return asked
 
 
@@ -143,7 +135,7 @@ def test_the_model_sees_where_the_motion_comes_from(served):
 def test_style_and_seed_reach_the_model(served):
     clip = walk(40, 30.0)
     (made,) = inbetween(clip[0], clip[-1], 38, Request("dcmoe", stand_in(), "Old", seed=5))
-    assert served == [{"context": 1, "frames": 38, "style": ["Old"], "seed": 5, "vary": True}]
+    assert served == [{"context": 1, "frames": 38, "styles": ("Old",), "draws": ((5, 0),)}]
     assert (made.info.style, made.info.seed, made.info.path) == ("Old", 5, "auto")
 
 
@@ -215,30 +207,31 @@ def test_a_rig_that_is_no_humanoid_is_interpolated_and_told_why(served):
 def test_a_gap_too_long_for_the_model_is_interpolated(served):
     clip = walk(2, 30.0)
     (made,) = inbetween(clip[0], clip[-1], 601, MODEL)
-    assert made.info.fallback == "the gap is longer than 20 s"
+    assert made.info.fallback == "the gap is longer than 20 s, the most for method 'dcmoe'"
     assert len(made.motion) == 601
-
-
-def test_a_model_of_another_method_does_not_serve(served):
-    clip = walk(40, 30.0)
-    (made,) = inbetween(clip[0], clip[-1], 38, Request("dcmoe", stand_in("stitch")))
-    assert made.info.fallback == "the model 'stand-in' is for method stitch"
 
 
 @pytest.mark.parametrize(
     ("ask", "said"),
     [
-        (lambda: Request("magic"), "unknown method 'magic'; there are dcmoe, stitch, stitch\\+detail, interp"),
+        (
+            lambda: Request("magic"),
+            "unknown method 'magic'; choose one of dcmoe, stitch, stitch\\+detail, plan, interp",
+        ),
         (lambda: Request("dcmoe"), "needs a model"),
+        (lambda: Request("dcmoe", stand_in("stitch")), "the model 'stand-in' serves stitch, not 'dcmoe'"),
+        (lambda: Request("plan", stand_in()), "the model 'stand-in' serves dcmoe, not 'plan'"),
         (lambda: Request("dcmoe", stand_in(), "Sad"), "no style 'Sad'; it has Angry, Old"),
-        (lambda: Request("interp", None, "Angry"), "interpolation has no styles"),
-        (lambda: Request("interp", path="straight"), "interpolation follows no path"),
+        (lambda: Request("interp", None, "Angry"), "method 'interp' has no styles here; leave out style 'Angry'"),
+        (lambda: Request("interp", path="straight"), "method 'interp' follows no path"),
+        (lambda: Request("interp", path_control=0.5), "method 'interp' follows no path"),
+        (lambda: Request("dcmoe", stand_in(), path="gallery"), "there is no gallery to match a path from"),
         (lambda: Request("dcmoe", stand_in(), path="sideways"), "unknown path 'sideways'"),
         (lambda: Request("dcmoe", stand_in(), speed="hasty"), "unknown speed 'hasty'"),
-        (lambda: Request("dcmoe", stand_in(), control=1.5), "control must be 0 to 1"),
-        (lambda: Request("dcmoe", stand_in(), strength=3.1), "strength must be 0 to 3, got 3.1"),
-        (lambda: Request("dcmoe", stand_in(), strength=float("nan")), "strength must be 0 to 3, got nan"),
-        (lambda: Request("interp", strength=2.0), "a style's strength of 2 needs a model with styles"),
+        (lambda: Request("dcmoe", stand_in(), path_control=1.5), "control must be 0 to 1"),
+        (lambda: Request("dcmoe", stand_in(), style_strength=3.1), "strength must be 0 to 3, got 3.1"),
+        (lambda: Request("dcmoe", stand_in(), style_strength=float("nan")), "strength must be 0 to 3, got nan"),
+        (lambda: Request("interp", style_strength=2.0), "a style strength of 2 needs a method and a model"),
         (lambda: fill(walk(9, 30.0), (0, 8), replace(MODEL, speed="fast")), "needs --retime"),
         (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), 5, replace(MODEL, speed="fast")), "give one of them"),
         (lambda: inbetween(walk(1, 30.0), walk(1, 30.0), None, MODEL), "give a number of frames"),
@@ -260,15 +253,15 @@ def test_feet_in_contact_stay_where_they_are(served, monkeypatch):
     pose = Motion(HUMANOID, np.array([[0.0, 0.83, 0.0]]), rotation.from_rotation_vector(bent)[None], 60.0)
 
     def sway(down):
-        straight = dcmoe.generate_batch
+        straight = DCMoEBackend.generate
 
-        def generate_batch(*given, **named):
-            root, local, contacts = straight(*given, **named)
-            root[..., 0] += 0.06 * np.sin(np.linspace(0.0, 2.0 * np.pi, root.shape[1]))
-            return root, local, np.full_like(contacts, down)
+        def generate(self, model, batch):
+            made = straight(self, model, batch)
+            made.root[..., 0] += 0.06 * np.sin(np.linspace(0.0, 2.0 * np.pi, made.root.shape[1]))
+            return replace(made, contacts=np.full_like(made.contacts, down))
 
         with monkeypatch.context() as patch:
-            patch.setattr(dcmoe, "generate_batch", generate_batch)
+            patch.setattr(DCMoEBackend, "generate", generate)
             (made,) = inbetween(pose, pose, 60, MODEL)
         return np.ptp(made.motion.global_positions()[:, TOES], axis=0).max()
 
@@ -291,7 +284,7 @@ def test_foot_slide_is_the_weighted_travel_of_low_toes():
 def test_the_mapping_can_be_found_once_for_a_clip(served, monkeypatch):
     clip = walk(80, 30.0)
     mapping = retarget.map_skeleton(clip)
-    monkeypatch.setattr(retarget, "plan", lambda motion: pytest.fail("the mapping was planned again"))
+    monkeypatch.setattr(retarget, "map_skeleton", lambda motion: pytest.fail("the mapping was found again"))
     (made,) = inbetween(clip[0], clip[40], 39, MODEL, mapping=mapping)
     assert made.info.fallback is None
 
@@ -306,16 +299,16 @@ def test_variants_of_a_free_style_take_each_style_in_turn(served):
 
 def test_a_root_that_does_not_keep_to_its_path_is_told_of(served, monkeypatch):
     clip = walk(62, 30.0)
-    given = dcmoe.generate_batch
+    given = DCMoEBackend.generate
 
-    def deaf(*arguments, paths, **named):
-        assert paths[0].shape == (62, 3)
-        return given(*arguments, paths=[None], **named)
+    def deaf(self, model, batch):
+        assert batch.paths[0].shape == (62, 3)
+        return given(self, model, replace(batch, paths=(None,)))
 
-    monkeypatch.setattr("interpose.runtime.backends.dcmoe.generate_batch", deaf)
+    monkeypatch.setattr(DCMoEBackend, "generate", deaf)
     for aside, told in ((0.05, False), (2.0, True)):
         beside = clip.root_positions[30, ::2] + np.array([aside, 0.0])
-        request = replace(MODEL, path="drawn", lines=of_points([beside]))
+        request = replace(MODEL, path="drawn", drawn=of_points([beside]))
         (made,) = inbetween(clip[0], clip[-1], 60, request)
         assert made.info.trajectory == "drawn"
         assert (made.info.path_deviation_m > 0.25) == told
@@ -329,7 +322,7 @@ def test_no_two_variants_begin_in_the_same_phases(tmp_path):
 
     def drawn(count: int, seed: int) -> list[int]:
         """Which window each row has; -1 for unknown phases."""
-        phases = dcmoe.initial_phases(session, count, seed, vary=True)
+        phases = initial_phases(session, draws(seed, count))
         assert all(not row.any() or (row == bank).all(axis=(1, 2, 3)).any() for row in phases)
         return [int(np.argmax((row == bank).all(axis=(1, 2, 3)))) if row.any() else -1 for row in phases]
 
@@ -339,4 +332,4 @@ def test_no_two_variants_begin_in_the_same_phases(tmp_path):
     assert drawn(12, 7) != drawn(12, 8)
     for seed in (0, 7):
         assert drawn(3, seed) == drawn(12, seed)[:3]
-    assert not dcmoe.initial_phases(session, 3, 7, vary=False).any()
+    assert not initial_phases(session, [None] * 3).any()

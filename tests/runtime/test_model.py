@@ -11,6 +11,7 @@ from interpose.errors import InputError
 from interpose.features import state_shapes
 from interpose.motion import Motion
 from interpose.runtime.backends import dcmoe
+from interpose.runtime.gap_batch import batch_of
 from interpose.runtime.model_folder import Session
 from interpose.skeleton import HUMANOID, Skeleton
 
@@ -28,7 +29,7 @@ def swaying_step(self, feed):
 
 @pytest.fixture
 def model(tmp_path, monkeypatch):
-    info = {"format": 1, "name": "swaying", "method": "dcmoe", "styles": ["Old"], "licence": "MIT", "absolute": False}
+    info = {"format": 2, "name": "swaying", "method": "dcmoe", "styles": ["Old"], "licence": "MIT"}
     (tmp_path / "model.json").write_text(json.dumps(info))
     np.save(tmp_path / "phases.npy", np.random.default_rng(0).normal(size=(50, 13, 10, 2)))
     monkeypatch.setattr(Session, "step", swaying_step)
@@ -66,7 +67,7 @@ def test_candidates_as_in_the_documentation(model):
     ("options", "said"),
     [
         ({"style": "Sad"}, "no style 'Sad'; it has Old"),
-        ({"speed": "fast"}, "speed 'fast' and 18 frames were both asked for"),
+        ({"speed": "fast"}, "speed 'fast' and 18 frames contradict each other"),
         ({"path": "sideways"}, "unknown path 'sideways'"),
         ({"path": [[0.0, float("nan")]]}, "the path's points"),
         ({"variants": 0}, "variants must be 1 or more"),
@@ -89,15 +90,9 @@ def test_an_unknown_model_is_refused(name):
 def test_an_undisturbed_stream_gives_the_frames_of_the_whole_roll_out(model):
     clip = walk(41)
     start, target = clip[4], clip[40]  # with frames before it the stream would also carry their speed on
-    root, local, _ = dcmoe.generate_batch(
-        model.session,
-        start.root_positions[None],
-        start.local_rotations[None],
-        target.root_positions,
-        target.local_rotations,
-        35,
-        style=["Old"],
-    )
+    keys = [(pose.root_positions[None], pose.local_rotations[None]) for pose in (start, target)]
+    made = dcmoe.BACKEND.generate(model.session, batch_of(*keys, 35, styles="Old"))
+    root, local = made.root, made.local
     stream = model.stream(start, style="Old")
     for i in range(35):
         pose = stream.step(target=target, seconds_left=(36 - i) / 30.0)

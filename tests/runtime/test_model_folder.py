@@ -1,7 +1,10 @@
 """Model folders: what is told of a bad one, and what a good one gives."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from interpose.errors import InputError
 from interpose.runtime import model_folder as module
 from interpose.runtime.model_folder import Session, load
 
-INFO = {"format": 1, "name": "few", "method": "dcmoe", "styles": ["Old"], "licence": "MIT", "absolute": False}
+INFO = {"format": 2, "name": "few", "method": "dcmoe", "styles": ["Old"], "licence": "MIT"}
 
 
 @pytest.fixture
@@ -39,7 +42,7 @@ def test_a_folder_is_loaded_by_its_path(folder):
 def test_an_installed_model_is_loaded_by_its_name_the_default_one_first(folder, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "INSTALLED", tmp_path)
     assert load("few").path == folder
-    with pytest.raises(InputError, match="no model 'default': installed are few"):
+    with pytest.raises(InputError, match="no model 'default'; installed models: few"):
         load()
     shutil.copytree(folder, tmp_path / "default")
     shutil.copytree(folder, tmp_path / "another")
@@ -49,9 +52,9 @@ def test_an_installed_model_is_loaded_by_its_name_the_default_one_first(folder, 
 
 def test_what_is_no_model(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "INSTALLED", tmp_path / "none")
-    with pytest.raises(InputError, match="no model 'Nobody': installed are none, and it is no model folder"):
+    with pytest.raises(InputError, match="no model 'Nobody'; installed models: none"):
         load("Nobody")
-    with pytest.raises(InputError, match="no model folder"):
+    with pytest.raises(InputError, match="exists but is not a model folder"):
         load(tmp_path)
 
 
@@ -62,9 +65,10 @@ def test_what_is_no_model(tmp_path, monkeypatch):
         ("\xff", r"model\.json cannot be read"),
         ("3", r"model\.json cannot be read"),
         ("[]", r"model\.json cannot be read"),
-        ("{}", r"model\.json lacks format, name, method, styles, licence, absolute; export the model again"),
+        ("{}", r"model\.json lacks format, name, method, styles, licence; export the model again"),
         (json.dumps({k: v for k, v in INFO.items() if k != "licence"}), "lacks licence"),
-        (json.dumps(INFO | {"format": 0}), "has format 0, this program needs 1; export the model again"),
+        (json.dumps(INFO | {"format": 0}), "has format 0, this program needs 2; export the model again"),
+        (json.dumps(INFO | {"method": "stitch"}), "lacks network, chains; export the model again"),
     ],
 )
 def test_a_model_json_that_cannot_serve(folder, text, said):
@@ -78,19 +82,19 @@ def test_a_network_that_cannot_be_loaded(folder):
         if content is not None:
             (folder / "step.onnx").write_bytes(content)
         with pytest.raises(InputError, match=r"step\.onnx cannot be loaded .*; export the model again"):
-            _ = load(folder).networks
+            _ = load(folder).network("step")
 
 
 def test_a_network_of_another_program(copied, monkeypatch):
-    assert load(copied).networks["step"] is not None
+    assert load(copied).network("step") is not None
     info = json.loads((copied / "model.json").read_text())
     (copied / "model.json").write_text(json.dumps(info | {"styles": ["Old"]}))
-    with pytest.raises(InputError, match=r"takes \['style'\] otherwise than this program; export it again"):
-        _ = load(copied).networks
+    with pytest.raises(InputError, match=r"has incompatible inputs \(style\); export the model again"):
+        _ = load(copied).network("step")
     (copied / "model.json").write_text(json.dumps(info))
     monkeypatch.setattr(module, "control_shapes", lambda styles: {"wind": (3,)})
-    with pytest.raises(InputError, match=r"takes \[.*'base'.*'wind'\] otherwise"):
-        _ = load(copied).networks
+    with pytest.raises(InputError, match=r"has incompatible inputs \(.*base.*wind\)"):
+        _ = load(copied).network("step")
 
 
 def test_phases_that_cannot_be_read(copied, folder):
@@ -112,8 +116,11 @@ def test_style_weights_are_a_single_one():
     assert weights.dtype == np.float32
     np.testing.assert_array_equal(model.style_weights([None, "Angry"], 0.0), [[1, 0, 0], [1, 0, 0]])
     np.testing.assert_array_equal(model.style_weights([None, "Angry+Old"], 3.0), [[1, 0, 0], [-2, 1.5, 1.5]])
-    with pytest.raises(InputError, match="the model 'few' has no style 'angry'; it has Old, Angry"):
-        model.style_weights(["angry"])
+    np.testing.assert_array_equal(model.style_weights(["angry", "OLD"]), [[0, 0, 1], [0, 1, 0]])
+    with pytest.raises(InputError, match="the model 'few' has no style 'Sad'; it has Old, Angry"):
+        model.style_weights(["Sad"])
+    with pytest.raises(InputError, match="no style 'Angy'; did you mean 'Angry'\\? it has Old, Angry"):
+        model.style_weights(["Angy"])
     with pytest.raises(InputError, match="it has none"):
         Session(Path("nowhere"), INFO | {"styles": []}).style_weights(["Old"])
 
@@ -131,10 +138,24 @@ def test_a_step_gives_its_outputs_by_name(session):
     assert said["next_path"].shape == (2, 6, 6)
 
 
-def test_a_model_that_serves_a_method_keeps_its_open_networks() -> None:
-    """Opening them takes as long as many frames."""
+def test_a_network_is_opened_once() -> None:
+    """Opening one takes as long as many frames."""
     loaded = load()
-    assert loaded.serving("dcmoe") is loaded
-    refining = loaded.serving("stitch+detail")
-    assert refining.refines
-    assert refining.serving("stitch+detail") is refining
+    assert loaded.network("plan") is loaded.network("plan")
+
+
+def test_onnx_runtime_sends_nothing() -> None:
+    """It writes a device id and looks up a collector, unless its telemetry is off before its import."""
+    code = """
+import os, sys
+class Watch:
+    def find_spec(self, name, path=None, target=None):
+        if name == "onnxruntime":
+            print(os.environ.get("ORT_DISABLE_TELEMETRY"))
+sys.meta_path.insert(0, Watch())
+import interpose
+interpose.load_model()
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["1"]

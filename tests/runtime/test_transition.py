@@ -7,8 +7,11 @@ import numpy as np
 from interpose import retarget, rotation
 from interpose.motion import Motion
 from interpose.runtime import transition
-from interpose.runtime.guidance import Plan
+from interpose.runtime.backends.dcmoe import DCMoEBackend
+from interpose.runtime.gap_batch import Generated
+from interpose.runtime.guidance import Guidance
 from interpose.runtime.model_folder import Session
+from interpose.runtime.request import Request
 from interpose.skeleton import HUMANOID
 
 
@@ -19,22 +22,21 @@ def test_a_foot_in_motion_at_the_start_key_does_not_stand_there_yet(monkeypatch)
     clip = Motion(HUMANOID, np.tile([0.0, 0.93, 0.0], (3, 1)), local, 30.0)
     asked = []
 
-    def generate_batch(session, start_root, start_local, target_root, target_local, each, **_):
-        (frames,) = each
-        still = np.repeat(target_root[:, None], frames, axis=1), np.repeat(target_local[:, None], frames, axis=1)
-        return *still, np.ones((len(start_root), frames, 4))
+    def generate(self, model, batch):
+        still = (np.repeat(x[:, None], batch.longest, axis=1) for x in (batch.target_root, batch.target_local))
+        return Generated(*still, np.ones((len(batch), batch.longest, 4)))
 
     def plant_batch(root, local, contacts):
         asked.append(contacts.copy())
         return local
 
-    monkeypatch.setattr(transition.dcmoe, "generate_batch", generate_batch)
+    monkeypatch.setattr(DCMoEBackend, "generate", generate)
     monkeypatch.setattr(transition.lock, "plant_batch", plant_batch)
-    session = Session(Path("nowhere"), {"name": "stand-in", "method": "dcmoe", "styles": [], "absolute": False})
+    request = Request("dcmoe", Session(Path("nowhere"), {"name": "stand-in", "method": "dcmoe", "styles": []}))
     for start in (clip[:2], clip[1]):
-        transition.generate([start], clip[2], [20], [Plan(21)], session, retarget.map_skeleton(clip))
+        transition.generate([start], clip[2], [20], [Guidance(21)], request, retarget.map_skeleton(clip))
     known, lone = asked
-    assert not known[0, : transition.LANDING, :2].any()
-    assert known[0, : transition.LANDING, 2:].all()
-    assert known[0, transition.LANDING :].all()
+    assert not known[0, : transition.LANDING_FRAMES, :2].any()
+    assert known[0, : transition.LANDING_FRAMES, 2:].all()
+    assert known[0, transition.LANDING_FRAMES :].all()
     assert lone.all()
