@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from mocap_files import amass_arrays, exponential_maps, h36m_text, npz, standing
 
 import interpose
 from interpose import rotation
+from interpose.runtime import model_folder
 from interpose.skeleton import HUMANOID
 
 FIELDS = [
@@ -150,9 +152,18 @@ def test_an_existing_file_is_replaced(tmp_path, run, clip):
     assert out.read_text().startswith("HIERARCHY")
 
 
-def test_a_clip_can_be_filled_in_place(run, clip):
-    before = rows(clip)
-    assert run("fill", clip, "--keys", "0,99", "--method", "interp", "-o", clip)[0] == 0
+def test_an_output_that_is_an_input_is_refused_unless_forced(tmp_path, run, clip):
+    before, second = rows(clip), tmp_path / "walk-2.bvh"
+    in_place = "fill", clip, "--keys", "0,99", "--method", "interp", "-o", clip
+    fails(
+        run(*in_place), "is one of the inputs; name another file, or overwrite it with --force", tmp_path, [clip.name]
+    )
+    second.write_text(clip.read_text())
+    ends = "between", f"{clip}:0", f"{second}:9", "--frames", 5, "--method", "interp"
+    fails(run(*ends, "-o", clip, "--variants", 2), "walk-2.bvh is one of the inputs")
+    fails(run(*ends, "-o", tmp_path / "." / "walk.bvh"), "walk.bvh is one of the inputs")
+    assert rows(clip) == rows(second) == before
+    assert run(*in_place, "--force")[0] == 0
     assert rows(clip)[0] == before[0]
     assert rows(clip)[50] != before[50]
 
@@ -179,8 +190,8 @@ def test_bad_keys(tmp_path, run, clip, keys, said):
     [
         (("--method", "magic"), "unknown method 'magic'"),
         (("--method", "interp", "--style", "Angry"), "no styles"),
-        (("--method", "interp", "--path", "straight"), "interpolation follows no path; leave out path 'straight'"),
-        (("--path", "sideways"), "unknown path 'sideways'; use auto, straight, none, or a file"),
+        (("--method", "interp", "--path", "straight"), "method 'interp' follows no path; leave it out"),
+        (("--path", "sideways"), "unknown path 'sideways'; use auto, gallery, straight, none, or a file"),
         (("--path", "none.json"), "none.json"),
         (("--speed", "fast"), "speed 'fast' needs --retime"),
         (("--speed", "hasty", "--retime"), "unknown speed 'hasty'; there are fast, medium, slow"),
@@ -189,6 +200,12 @@ def test_bad_keys(tmp_path, run, clip, keys, said):
         (("--method", "interp", "--variants", "0"), "--variants must be 1 to 100, got 0"),
         (("--method", "interp", "--seed", "-1"), "seed must be 0 or more"),
         (("--model", "no-such-model"), "no-such-model"),
+        (("--method", "stitch", "--model", "default"), "the model 'default' serves dcmoe and plan, not 'stitch'"),
+        (("--method", "stitch+detail"), "no installed model serves method 'stitch+detail'; name a model that does"),
+        (("--style", "chiken"), "the model 'default' has no style 'chiken'; did you mean 'Chicken'? it has"),
+        (("--style", "Angry:0.5+Drnk"), "no style 'Drnk'; did you mean 'Drunk'?"),
+        (("--gallery", "default", "--path", "straight"), "path 'straight' with a given duration uses no gallery"),
+        (("--gallery", "default", "--method", "interp"), "method 'interp' with a given duration uses no gallery"),
     ],
 )
 def test_bad_options(tmp_path, run, clip, options, said):
@@ -338,6 +355,52 @@ def test_an_unknown_style_is_refused(tmp_path, run, clip, model):
     fails(result, "the model 'swaying' has no style 'Sad'; it has Angry, Old", tmp_path, ["walk.bvh"])
 
 
+@pytest.mark.parametrize(("given", "spelled"), [("ANGRY", "Angry"), ("old:3+angry", "Old:0.75+Angry:0.25")])
+def test_a_style_is_found_in_any_case(tmp_path, run, clip, model, given, spelled):
+    status, printed, err = run(
+        "fill", clip, "--keys", "0,50", "--model", model, "--style", given, "--json", "-o", tmp_path / "out.bvh"
+    )
+    assert status == 0, err
+    assert json.loads(printed)["style"] == spelled
+
+
+def test_a_path_from_a_gallery(tmp_path, run, clip, model):
+    """--path gallery takes the model's own or the one given, which implies it; what was used is reported."""
+    gap = "between", f"{clip}:3", f"{clip}:60", "--frames", 40, "--model", model, "--json", "-o", tmp_path / "out.bvh"
+    fails(run(*gap, "--path", "gallery"), "there is no gallery to match a path from; give one, or another path")
+
+    def used(*options):
+        status, printed, err = run(*gap, *options)
+        assert status == 0, err
+        return [json.loads(printed)[name] for name in ("path", "trajectory")]
+
+    assert used() == ["auto", "model"]
+    path, trajectory = used("--gallery", "default")
+    assert path == "gallery"
+    assert trajectory in ("matched", "composed")
+    shutil.copy(model_folder.INSTALLED / "default" / "gallery.npz", model)
+    assert used("--path", "gallery") == [path, trajectory]
+    assert used("--path", "none") == ["none", "model"]
+
+
+def test_the_planner_alone_and_gaps_beyond_it(tmp_path, run, clip):
+    out = tmp_path / "out.bvh"
+    ends = "between", f"{clip}:3", f"{clip}:60", "--method", "plan", "--path", "none", "--json", "-o", out
+    status, printed, err = run(*ends, "--frames", 40)
+    assert status == 0, err
+    served = json.loads(printed)
+    assert (served["method"], served["model"], served["fallback"]) == ("plan", "default", None)
+    assert served["arrival_position_error_m"] < 1e-6
+    straight = interpose.read(clip).root_positions[[3, 60]].mean(axis=0)
+    assert np.linalg.norm(interpose.read(out).root_positions[20:22].mean(axis=0) - straight) > 0.005
+    status, printed, err = run(*ends, "--frames", 92)
+    assert status == 0, err
+    served = json.loads(printed)
+    assert (served["method"], served["model"], served["trajectory"]) == ("interp", None, None)
+    assert served["fallback"] == "the gap is longer than 3.03 s, the most for method 'plan'"
+    assert "falls back to interpolation" in run(*[a for a in (*ends, "--frames", 92) if a != "--json"])[2]
+
+
 def test_a_rig_without_legs_is_interpolated(tmp_path, run, model):
     source, out = tmp_path / "in.bvh", tmp_path / "out.bvh"
     source.write_text(
@@ -359,7 +422,7 @@ def test_a_target_may_be_given_in_part(tmp_path, run, clip, model):
     told = [json.loads(line) for line in said.splitlines()]
     assert [t["target_joints"] for t in told] == ["Hips,LeftFoot,LeftToe"] * 2
     assert max(t["arrival_position_error_m"] for t in told) < 1e-6
-    assert all("completes no targets" in t["fallback"] for t in told)
+    assert all("completes no partial targets" in t["fallback"] for t in told)
     made, given = interpose.read(tmp_path / "out-1.bvh"), interpose.read(clip)
     assert len(made) == 22
     foot = HUMANOID.index("LeftFoot")
@@ -377,4 +440,4 @@ def test_a_style_can_be_exaggerated(tmp_path, run, clip, model):
     assert json.loads(said)["style_strength"] == 2.0
     fails(run(*asked, "--model", model, "--style-strength", 4), "the style's strength must be 0 to 3, got 4")
     plain = ("between", f"{clip}:3", f"{clip}:60", "--frames", 20, "--method", "interp", "-o", out)
-    fails(run(*plain, "--style-strength", 2), "needs a model with styles")
+    fails(run(*plain, "--style-strength", 2), "needs a method and a model with styles")

@@ -74,12 +74,25 @@ def test_models_lists_what_is_installed(run, model, monkeypatch):
     monkeypatch.setattr(model_folder, "INSTALLED", model.parent)
     status, out, err = run("models")
     assert (status, err) == (0, "")
-    assert "swaying: method dcmoe, 30 Hz" in out
+    assert "swaying: 30 Hz" in out
+    assert "methods     dcmoe: mixture of experts" in out
+    assert "gaps up to 20 s" in out
+    assert "plan" not in out.partition("trained on")[0].replace("along the plan", "")  # it has no planner
+    assert "trained on  walks" in out
     assert "licence     MIT" in out
     assert "styles      Angry, Old" in out
     status, out, _ = run("models", "--json")
     told = json.loads(out)
     assert (status, told["name"], told["folder"]) == (0, "swaying", str(model))
+    assert (told["methods"], told["training_data"]) == (["dcmoe"], ["walks"])
+
+
+def test_models_lists_every_method_that_one_serves(run):
+    status, out, _ = run("models", "--json")
+    served = {json.loads(line)["name"]: json.loads(line)["methods"] for line in out.splitlines()}
+    assert status == 0
+    assert served["default"] == ["dcmoe", "plan"]
+    assert served["stitch"] == ["stitch", "plan"]
 
 
 def test_an_installed_model_is_called_by_its_name(tmp_path, run, clip, model, monkeypatch):

@@ -156,6 +156,7 @@ def test_evaluating_what_is_not_there(tmp_path, run):
     ("arguments", "missing"),
     [
         (("train", "pae", "--data", "db", "-o", "run"), "torch"),
+        (("train", "plan", "--data", "db", "-o", "run"), "torch"),
         (("train", "dcmoe", "--data", "db", "-o", "run"), "torch"),
         (("train", "stitch", "--data", "db", "-o", "run"), "torch"),
         (("export", "run", "-o", "model"), "torch"),
@@ -180,7 +181,7 @@ sys.exit(main({list(arguments)}))
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("interpose: ")
     assert done.stderr.count("\n") == 1
-    assert "is not installed; pip install 'interpose[train]' brings it" in done.stderr
+    assert "is not installed; install it with pip install 'interpose[train]'" in done.stderr
     assert missing in done.stderr
 
 
@@ -192,10 +193,10 @@ def test_judging_labels_and_styles_is_reached(tmp_path, run):
     fails(run(*asked, "--strength", "much"), "--strength takes numbers separated by commas, got 'much'")
 
 
-def test_only_dcmoe_trains_on_several_processes(tmp_path, run, monkeypatch):
+def test_only_plan_and_dcmoe_train_on_several_processes(tmp_path, run, monkeypatch):
     pytest.importorskip("torch")
     monkeypatch.setenv("WORLD_SIZE", "2")
-    said = "pae trains on one process; torchrun is for dcmoe"
+    said = "pae trains on one process; torchrun is for plan and dcmoe"
     fails(run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run"), said)
 
 
@@ -209,15 +210,7 @@ def test_training_is_reached(tmp_path, run, clips):
     )
     fails(
         run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--phases", "p.npy"),
-        "--phases is for dcmoe; pae has no use for it",
-    )
-    fails(
-        run("train", "pae", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "0.4"),
-        "--foreign-keys is for dcmoe; pae has no use for it",
-    )
-    fails(
-        run("train", "dcmoe", "--data", tmp_path / "none", "-o", tmp_path / "run", "--foreign-keys", "4"),
-        "must be 0 to 1, got 4.0",
+        "--phases is for dcmoe; it is not valid for pae",
     )
     none = "--data", tmp_path / "none", "-o", tmp_path / "run"
     fails(run("train", "stitch", *none), "none")
@@ -226,7 +219,9 @@ def test_training_is_reached(tmp_path, run, clips):
     fails(run("train", "detail", *none), "give a finished run of 'interpose train stitch' to refine")
     fails(run("train", "stitch", *none, "--refines", "r"), "--refines is for detail")
     fails(run("train", "pae", *none, "--backward"), "--backward is for dcmoe")
-    fails(run("train", "pae", *none, "--plan-from", "r"), "--plan-from is for dcmoe and stitch; pae has no use for it")
-    fails(run("train", "stitch", *none, "--plan-steps", "3"), "--plan-steps is for dcmoe")
+    fails(run("train", "pae", *none, "--plan", "r"), "--plan is for dcmoe and stitch; it is not valid for pae")
+    fails(run("train", "plan", *none, "--plan", "r"), "--plan is for dcmoe and stitch; it is not valid for plan")
+    fails(run("train", "plan", *none), "none")
+    fails(run("train", "pae", *none, "--config", tmp_path / "no.json"), "no.json")
     fails(run("train", "stitch", *none, "--compile"), "--compile is for dcmoe")
     fails(run("export", tmp_path / "none", "-o", tmp_path / "model"), "none")

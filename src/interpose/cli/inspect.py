@@ -10,6 +10,7 @@ from typing import Any
 from interpose import io, retarget
 from interpose.errors import InputError
 from interpose.motion import Motion
+from interpose.skeleton import MODEL_RATE
 
 
 def info(files: Sequence[str], as_json: bool) -> int:
@@ -17,17 +18,17 @@ def info(files: Sequence[str], as_json: bool) -> int:
     status = 0
     for name in files:
         try:
-            told = describe(name, io.read(name))
+            report = describe(name, io.read(name))
         except InputError as error:
             print(f"interpose: {error}", file=sys.stderr, flush=True)
             status = 1
             continue
-        print(json.dumps(told, ensure_ascii=False) if as_json else _text(told), flush=True)
+        print(json.dumps(report, ensure_ascii=False) if as_json else _text(report), flush=True)
     return status
 
 
 def describe(name: str, clip: Motion) -> dict[str, Any]:
-    """What `interpose info` tells of a clip; `mapping` is None where no humanoid is found, `problem` then says why."""
+    """What `interpose info` reports of a clip; `mapping` is None where no humanoid is found, with a `problem`."""
     try:
         mapping, problem = retarget.map_skeleton(clip), None
     except InputError as error:
@@ -48,41 +49,47 @@ def describe(name: str, clip: Motion) -> dict[str, Any]:
     }
 
 
-def _text(told: dict[str, Any]) -> str:
+def _text(report: dict[str, Any]) -> str:
     units = {0.001: "mm", 0.01: "cm", 0.0254: "inches", 1.0: "m"}
-    unit = units.get(told["unit_m"], f"{told['unit_m']:.4g} m")
+    unit = units.get(report["unit_m"], f"{report['unit_m']:.4g} m")
     lines = [
-        told["file"],
-        f"  {told['joints']} joints, {told['frames']} frames at {told['rate']:g} Hz "
-        f"({told['duration_s']:.2f} s), unit {unit}",
+        report["file"],
+        f"  {report['joints']} joints, {report['frames']} frames at {report['rate']:g} Hz "
+        f"({report['duration_s']:.2f} s), unit {unit}",
     ]
-    if told["mapping"] is None:
-        return "\n".join([*lines, f"  not a humanoid: {told['problem']}; its gaps can only be interpolated"])
-    lines.append(f"  profile {told['profile']}, {told['scale']:.3f} times its size is the model's")
-    width = max(map(len, told["mapping"]))
-    lines += [f"    {ours:<{width}}  {theirs or '-'}" for ours, theirs in told["mapping"].items()]
-    lines.append(f"  missing: {', '.join(told['missing']) or 'none'}")
-    lines.append(f"  interpolated, for want of a counterpart: {', '.join(told['unmapped']) or 'none'}")
+    if report["mapping"] is None:
+        return "\n".join([*lines, f"  not a humanoid: {report['problem']}; its gaps can only be interpolated"])
+    lines.append(f"  profile {report['profile']}, scaled by {report['scale']:.3f} to the model")
+    width = max(map(len, report["mapping"]))
+    lines += [f"    {ours:<{width}}  {theirs or '-'}" for ours, theirs in report["mapping"].items()]
+    lines.append(f"  missing: {', '.join(report['missing']) or 'none'}")
+    lines.append(f"  unmapped, interpolated: {', '.join(report['unmapped']) or 'none'}")
     return "\n".join(lines)
 
 
 def models(as_json: bool) -> int:
-    """Print the installed models."""
-    from interpose.runtime import model_folder
+    """Print the installed models: the methods that each serves, the data that it knows, its licence and its styles."""
+    from interpose.runtime import methods, model_folder
 
     sessions = [model_folder.load(folder) for folder in model_folder.installed()]
     if as_json:
         for one in sessions:
-            print(json.dumps({"folder": str(one.path), **one.info}, ensure_ascii=False))
+            served = {"folder": str(one.path), "methods": methods.methods_of(one)}
+            print(json.dumps(served | one.info, ensure_ascii=False))
         return 0
     if not sessions:
         print(f"no model is installed in {model_folder.INSTALLED}", file=sys.stderr)
     for one in sessions:
-        told = one.info
-        print(f"{one.name}: method {one.method}, {told.get('rate', 30.0):g} Hz, {told.get('parameters', 0):,} weights")
-        print(f"  trained on  {', '.join(told.get('training_data') or ['unknown data'])}")
-        print(f"  licence     {told['licence']}")
+        info = one.info
+        print(f"{one.name}: {info.get('rate', MODEL_RATE):g} Hz, {info.get('parameters', 0):,} weights")
+        for number, name in enumerate(methods.methods_of(one)):
+            longest = methods.abilities_of(name, one).longest_seconds
+            gaps = "gaps of any length" if longest is None else f"gaps up to {longest:.3g} s"
+            heading = "" if number else "methods"
+            print(f"  {heading:<11} {name}: {methods.backend_of(name).summary}; {gaps}")
+        print(f"  trained on  {', '.join(info.get('training_data') or ['unknown data'])}")
+        print(f"  licence     {info['licence']}")
         print(f"  styles      {', '.join(one.styles) or 'none'}")
-        gallery = told.get("gallery")
+        gallery = info.get("gallery")
         print(f"  gallery     {gallery['made_from'] if gallery else 'none'}")
     return 0

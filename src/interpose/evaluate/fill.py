@@ -201,6 +201,10 @@ def benchmark_model(method: str) -> Session:
     for folder in model_folder.installed():
         loaded = model_folder.load(folder)
         data = loaded.info.get("training_data", [])
-        if all(name.startswith("lafan1") for name in data) and backend_of(method).abilities(loaded) is not None:
+        if (
+            data
+            and all(name.startswith("lafan1") for name in data)
+            and backend_of(method).abilities(loaded) is not None
+        ):
             return loaded
     raise InputError(f"no installed model that was trained on LaFAN1 serves '{method}'; name one as {method}=MODEL")
