@@ -123,6 +123,8 @@ def guide(
             made, note = _matched(request, gallery, gap, steps, given, count)
         except Unreachable as error:
             note = f"{error}; the path is unconstrained"
+        if not made and note is None and path == "gallery":
+            note = f"the shortest trajectories take {SHORTEST_WINDOW} frames at 30 Hz; the path is unconstrained"
     made += [Guidance(steps, note=note)] * (count - len(made))
     return _with_styles(made, request)
 

@@ -1,8 +1,8 @@
-"""Two chains that become one motion, and gaps of several lengths."""
+"""Two chains that become one motion."""
 
 import numpy as np
 
-from interpose.features.stitch import schedule, shares
+from interpose.features.stitch import schedule, shares, smoothed
 from interpose.runtime.backends import chains
 
 
@@ -31,17 +31,13 @@ def test_a_jolt_in_the_middle_of_a_longer_gap_is_smoothed():
     np.testing.assert_allclose(hips[:12], plain[:12], atol=1e-9)
 
 
-def test_gaps_go_by_their_length_and_end_in_their_targets():
-    asked = []
-
-    def make(rows, length):
-        asked.append((rows, length))
-        shape = len(rows), length
-        return np.full((*shape, 3), length), np.full((*shape, 22, 4), length), np.ones((*shape, 4))
-
-    root, local = np.full((4, 3), -1.0), np.full((4, 22, 4), -2.0)
-    hips, turned, contacts = chains.by_length([3, 5, 0, 3], root, local, make)
-    assert asked == [([0, 3], 3), ([1], 5)]
-    np.testing.assert_array_equal(hips[:, :, 0], [[3, 3, 3, -1, -1], [5] * 5, [-1] * 5, [3, 3, 3, -1, -1]])
-    np.testing.assert_array_equal(turned[2], np.full((5, 22, 4), -2.0))
-    np.testing.assert_array_equal(contacts[:, :, 0].sum(axis=1), [3, 5, 0, 3])
+def test_only_the_middle_is_smoothed():
+    time = np.arange(41.0)
+    kinked = np.stack([np.abs(time - 20.0), time])[None].swapaxes(1, 2)
+    flat = smoothed(kinked, 40)
+    bends = [np.abs(np.diff(x[0, :, 0], n=2)).max() for x in (kinked, flat)]
+    assert bends[1] < 0.8 * bends[0]
+    np.testing.assert_allclose(flat[..., 1], kinked[..., 1])  # what has no bend stays
+    np.testing.assert_array_equal(flat[:, :14], kinked[:, :14])
+    np.testing.assert_array_equal(flat[:, 28:], kinked[:, 28:])
+    np.testing.assert_array_equal(smoothed(kinked[:, :16], 15), kinked[:, :16])

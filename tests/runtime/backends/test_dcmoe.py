@@ -11,9 +11,12 @@ from interpose.errors import InputError
 from interpose.features import HISTORY, KEY_STEP
 from interpose.runtime import poses
 from interpose.runtime.backends import dcmoe
+from interpose.runtime.gap_batch import batch_of, draws
 from interpose.runtime.model_folder import Session
 from interpose.skeleton import HUMANOID, local_rotations
+from interpose.train.common.gaps import evenly
 from interpose.train.dcmoe import validation
+from interpose.train.dcmoe.sequences import at_lone_start
 
 BATCH = 3
 
@@ -23,8 +26,17 @@ def keys():
     """Starts and targets of three gaps, (root, local) each, and ten frames of context before the starts."""
     clips = [learning.march(80, 0.8 + 0.3 * i, 2.0 * i) for i in range(BATCH)]
     context = [np.stack([getattr(c, x)[11:21] for c in clips]) for x in ("root_positions", "local_rotations")]
-    target = [np.stack([getattr(c, x)[60] for c in clips]) for x in ("root_positions", "local_rotations")]
+    target = [np.stack([getattr(c, x)[60:61] for c in clips]) for x in ("root_positions", "local_rotations")]
     return [x[:, -1:] for x in context], target, context
+
+
+def ends(start, target):
+    """Start and target without their frame axes."""
+    return tuple(x[:, 0] for x in start), tuple(x[:, 0] for x in target)
+
+
+def generate(session, start, target, frames, **more):
+    return dcmoe.BACKEND.generate(session, batch_of(start, target, frames, **more))
 
 
 @pytest.fixture
@@ -57,18 +69,18 @@ def test_poses_are_those_of_the_motion():
 
 def test_the_base_is_straight_and_of_constant_speed(keys):
     start, target, _ = keys
-    ends = (start[0][:, 0], start[1][:, 0]), tuple(target)
-    base = poses.interpolation(*ends, 9)
+    first, last = ends(start, target)
+    base = poses.interpolation(first, last, 9)
     assert base.shape == (BATCH, 11, 3 + 22 * 6)
-    for at, (root, local) in ((0, ends[0]), (10, ends[1])):
+    for at, (root, local) in ((0, first), (10, last)):
         pose = poses.pose_of(root, local)
         np.testing.assert_allclose(base[:, at, :3], pose.hips, atol=1e-12)
         np.testing.assert_allclose(base[:, at, 3:], pose.rotations.reshape(BATCH, -1), atol=1e-9)
-    np.testing.assert_allclose(base[:, 5, :3], (ends[0][0] + ends[1][0]) / 2.0)
+    np.testing.assert_allclose(base[:, 5, :3], (first[0] + last[0]) / 2.0)
     hips = rotation.from_6d(base[:, :, 3:9])
     turns = rotation.angle(rotation.multiply(rotation.inverse(hips[:, :-1]), hips[:, 1:]))
     np.testing.assert_allclose(turns, np.broadcast_to(turns[:, :1], turns.shape), atol=1e-7)
-    assert poses.interpolation(*ends, 0).shape[1] == 2
+    assert poses.interpolation(first, last, 0).shape[1] == 2
 
 
 def test_before_a_lone_start_the_figure_stands_and_only_the_present_phase_is_known(keys):
@@ -90,7 +102,8 @@ def test_before_a_lone_start_the_figure_stands_and_only_the_present_phase_is_kno
 @pytest.mark.parametrize("count", [0, 1, 2, 30])
 def test_a_gap_gets_its_frames(session, keys, fed, count):
     start, target, _ = keys
-    root, local, contacts = dcmoe.generate_batch(session, *start, *target, count)
+    made = generate(session, start, target, count)
+    root, local, contacts = made.root, made.local, made.contacts
     assert root.shape == (BATCH, count, 3)
     assert local.shape == (BATCH, count, 22, 4)
     assert contacts.shape == (BATCH, count, 4)
@@ -102,24 +115,24 @@ def test_a_gap_gets_its_frames(session, keys, fed, count):
     whole = np.concatenate([start[1], local], axis=1)
     assert np.all(np.sum(whole[:, 1:] * whole[:, :-1], axis=-1) >= 0.0)
     if count:
-        base = poses.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count)[:, 1:-1, :3]
+        base = poses.interpolation(*ends(start, target), count)[:, 1:-1, :3]
         assert np.linalg.norm(root - base, axis=-1).max() > 0.005
 
 
 @pytest.mark.parametrize("count", [1, 7, 40])
 def test_the_last_frame_leads_into_the_target_exactly(session, keys, fed, count):
     start, target, _ = keys
-    root, local, _ = dcmoe.generate_batch(session, *start, *target, count)
+    made = generate(session, start, target, count)
     feed, said = fed[-1]
-    base = poses.interpolation((start[0][:, 0], start[1][:, 0]), tuple(target), count).astype(np.float32)
+    base = poses.interpolation(*ends(start, target), count).astype(np.float32)
     last = feed | dcmoe.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
     last |= {"base": base[:, count], "base_next": base[:, count + 1]}
     arrived = session.step(last)
-    goal = poses.pose_of(*target)
+    goal = poses.pose_of(*ends(start, target)[1])
     np.testing.assert_allclose(arrived["next_hips"], goal.hips, atol=1e-6)
     np.testing.assert_allclose(arrived["next_rotations"], goal.rotations, atol=1e-5)
     np.testing.assert_allclose(arrived["next_positions"], goal.positions, atol=1e-5)
-    placed = np.concatenate([joints(root, local), goal.positions[:, None]], axis=1)
+    placed = np.concatenate([joints(made.root, made.local), goal.positions[:, None]], axis=1)
     placed = np.concatenate([joints(*start), placed], axis=1)
     steps = np.linalg.norm(np.diff(placed, axis=1), axis=-1).max(axis=2)
     assert np.all(steps[:, -1] < 2.0 * steps[:, :-1].max(axis=1))  # no pop, random as the network is
@@ -128,45 +141,45 @@ def test_the_last_frame_leads_into_the_target_exactly(session, keys, fed, count)
 def test_rows_do_not_know_of_each_other(session, keys):
     start, target, _ = keys
     styles = [None, "Old", "Young"]
-    together = dcmoe.generate_batch(session, *start, *target, 20, styles)
+    together = generate(session, start, target, 20, styles=styles)
     for row in range(BATCH):
         mine = slice(row, row + 1)
-        alone = dcmoe.generate_batch(session, *(x[mine] for x in start), *(x[mine] for x in target), 20, styles[mine])
-        for one, all_ in zip(alone, together, strict=True):
-            np.testing.assert_allclose(one, all_[mine], atol=1e-4)
+        alone = generate(session, [x[mine] for x in start], [x[mine] for x in target], 20, styles=styles[mine])
+        for name in ("root", "local", "contacts"):
+            np.testing.assert_allclose(getattr(alone, name), getattr(together, name)[mine], atol=1e-4)
 
 
 def test_the_seed_decides_the_variants(session, keys):
     start, target, _ = keys
 
-    def made(seed=0, vary=True, rows=BATCH):
-        ends = [np.repeat(x[:1], rows, axis=0) for x in (*start, *target)]
-        return dcmoe.generate_batch(session, *ends, 20, seed=seed, vary=vary)[0]
+    def made(drawn):
+        keys = [[np.repeat(x[:1], len(drawn), axis=0) for x in key] for key in (start, target)]
+        return generate(session, *keys, 20, draws=drawn).root
 
-    plain = made(vary=False)
+    plain = made([None] * BATCH)
     np.testing.assert_allclose(plain, np.repeat(plain[:1], BATCH, axis=0), atol=1e-6)
-    np.testing.assert_array_equal(plain, made(seed=5, vary=False))
-    varied = made()
-    np.testing.assert_array_equal(varied, made())
+    varied = made(draws(0, BATCH))
+    np.testing.assert_array_equal(varied, made(draws(0, BATCH)))
     np.testing.assert_allclose(varied[0], plain[0], atol=1e-6)
     apart = [np.abs(varied[i] - varied[j]).max() for i, j in ((0, 1), (0, 2), (1, 2))]
     assert min(apart) > 1e-4
-    np.testing.assert_allclose(made(rows=5)[:BATCH], varied, atol=1e-5)
-    assert np.abs(made(seed=1)[0] - varied[0]).max() > 1e-4
+    np.testing.assert_allclose(made(draws(0, 5))[:BATCH], varied, atol=1e-5)
+    np.testing.assert_allclose(made([(0, 2), None])[0], varied[2], atol=1e-5)
+    assert np.abs(made(draws(1, BATCH))[0] - varied[0]).max() > 1e-4
 
 
 def test_the_style_steers_and_must_be_known(session, keys):
     start, target, _ = keys
-    made = [dcmoe.generate_batch(session, *start, *target, 20, [style] * BATCH)[0] for style in (None, "Old", "Young")]
+    made = [generate(session, start, target, 20, styles=style).root for style in (None, "Old", "Young")]
     assert min(np.abs(made[i] - made[j]).max() for i, j in ((0, 1), (0, 2), (1, 2))) > 1e-3
     with pytest.raises(InputError, match="has no style 'Angry'"):
-        dcmoe.generate_batch(session, *start, *target, 20, ["Angry"] * BATCH)
+        generate(session, start, target, 20, styles="Angry")
 
 
 def test_the_context_is_seen(session, keys, fed):
     start, target, context = keys
-    alone = dcmoe.generate_batch(session, *start, *target, 20)[0]
-    known = dcmoe.generate_batch(session, *context, *target, 20)[0]
+    alone = generate(session, start, target, 20).root
+    known = generate(session, context, target, 20).root
     assert np.abs(alone - known).max() > 1e-3
     first = fed[20][0]
     assert first["velocity_known"].all()
@@ -177,14 +190,15 @@ def test_the_context_is_seen(session, keys, fed):
 
 def test_torch_rolls_out_to_the_same_frames(session, network, frames):
     gap = 30
-    rows = validation.fixed_rows(frames, gap, 5, len(learning.STYLES))
-    ends = [
-        (frames.hips[at].double().numpy(), frames.local[at].double().numpy()) for at in (rows.start, rows.start + 31)
+    rows = at_lone_start(frames, evenly(frames, gap + 1, 5, len(learning.STYLES)))
+    keys = [
+        (frames.hips[at].double().numpy(), frames.local[at].double().numpy())
+        for at in (rows.gaps.start, rows.gaps.target)
     ]
     wanted = validation.roll_out(network, frames, rows).numpy()
-    root, local, _ = dcmoe.generate_batch(session, ends[0][0][:, None], ends[0][1][:, None], *ends[1], gap)
-    made = joints(root, local)
-    base = poses.interpolation(*ends, gap)[:, 1:-1]
+    found = generate(session, *([x[:, None] for x in key] for key in keys), gap)
+    made = joints(found.root, found.local)
+    base = poses.interpolation(*keys, gap)[:, 1:-1]
     naive = joints(
         base[..., :3], local_rotations(rotation.from_6d(base[..., 3:].reshape(5, gap, 22, 6)), HUMANOID.parents)
     )
@@ -198,7 +212,7 @@ def test_torch_rolls_out_to_the_same_frames(session, network, frames):
 def test_a_network_of_the_papers_form_is_fed_the_root_that_it_foresees(session, keys, fed):
     start, target, _ = keys
     fed_back = Session(session.path, session.info | {"absolute": True})
-    dcmoe.generate_batch(fed_back, *start, *target, 4)
+    generate(fed_back, start, target, 4)
     assert all(feed["path_known"].all() for feed, _ in fed)
     pose = poses.pose_of(*start)
     resting = np.concatenate([pose.hips[:, -1, ::2], pose.facing[:, -1], np.zeros((BATCH, 2))], axis=-1)

@@ -12,6 +12,7 @@ from interpose.errors import InputError
 from interpose.motion import Motion, sample
 from interpose.runtime import inertia
 from interpose.runtime.backends import dcmoe
+from interpose.runtime.gap_batch import batch_of
 from interpose.runtime.streaming.stream import Stream
 from interpose.runtime.streaming.streams import Streams
 from interpose.skeleton import HUMANOID, Skeleton
@@ -43,15 +44,9 @@ def test_undisturbed_it_is_the_whole_roll_out(session, context):
     """Left as the motion came to the start, where that is known."""
     start, target = CLIP[21 - context : 21], CLIP[60]
     poses = walked(Stream(session, start, "Old"), target, 40)
-    root, local, _ = dcmoe.generate_batch(
-        session,
-        start.root_positions[None],
-        start.local_rotations[None],
-        target.root_positions,
-        target.local_rotations,
-        39,
-        ["Old"],
-    )
+    keys = [(pose.root_positions[None], pose.local_rotations[None]) for pose in (start, target)]
+    made = dcmoe.BACKEND.generate(session, batch_of(*keys, 39, styles="Old"))
+    root, local = made.root, made.local
     if context > 1:
         root = np.concatenate([start.root_positions[None, -1:], root, target.root_positions[None]], axis=1)
         local = np.concatenate([start.local_rotations[None, -1:], local, target.local_rotations[None]], axis=1)
@@ -181,14 +176,8 @@ def test_rigs_of_other_kinds(session, rig):
     assert every[-1] < 0.25
     mapping = retarget.map_skeleton(start)
     on22 = [retarget.to_humanoid(pose, mapping) for pose in (start, target)]
-    root, _, _ = dcmoe.generate_batch(
-        session,
-        on22[0].root_positions[None],
-        on22[0].local_rotations[None],
-        on22[1].root_positions,
-        on22[1].local_rotations,
-        11,
-    )
+    keys = [(pose.root_positions[None], pose.local_rotations[None]) for pose in on22]
+    root = dcmoe.BACKEND.generate(session, batch_of(*keys, 11)).root
     hips = np.concatenate([retarget.to_humanoid(pose, mapping).root_positions for pose in poses[:-1]])
     np.testing.assert_allclose(hips, root[0], atol=1e-4)
     again = walked(Stream(session, start, mapping=mapping), target, 12)
