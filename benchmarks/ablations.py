@@ -1,11 +1,10 @@
-"""Table 6 of Ren et al. 2024: what each part of stitching is worth, all rows trained with one budget.
+"""Table 6 of Ren et al. 2024: what each part of stitching contributes, all rows trained with one budget.
 
     python benchmarks/ablations.py DB LAFAN1 PLAN OUT [--steps N] [--rows A,B,...]
 
-DB: the training database. LAFAN1: the folder of LaFAN1's BVH files. PLAN: a finished run of `interpose train stitch`
-on DB, whose phases and plan all rows share, so that the generators alone are trained anew (the row `as printed` has no
-plan and trains its own phases). Each row is a run in OUT/runs, goes on where it was stopped, and is exported to
-OUT/models. The table, of gaps of 50 frames, is printed and written to OUT/table6.md.
+DB: the training database. LAFAN1: the folder of LaFAN1's BVH files. PLAN: a finished run of `interpose train plan` on
+DB, whose planner all rows with one share. Each row is a run in OUT/runs, resumes where it was stopped, and is exported
+to OUT/models. The table, of gaps of 50 frames, is printed and written to OUT/table6.md.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from interpose import export
 from interpose.evaluate.stitch import evaluate_stitch
 from interpose.evaluate.tables import Row
 from interpose.train.stitch import recipe
-from interpose.train.stitch.config import PRESETS, Part, ablations
+from interpose.train.stitch.config import PRESETS, TrainingPart, ablations
 
 FRAMES = 50
 SHOWN = (
@@ -73,15 +72,15 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=500, help="updates of 128 gaps each")
     parser.add_argument("--rows", default="", help="names of rows, separated by semicolons; all where left out")
     asked = parser.parse_args()
-    config = replace(PRESETS["small"], stitch=Part(asked.steps, 128), average=0.99)
+    config = replace(PRESETS["small"], stitch=TrainingPart(asked.steps, 128), average=0.99)
     rows = ablations(config)
     names = [name.strip() for name in asked.rows.split(";") if name.strip()] or list(rows)
     methods = ["interp"]
     for name in names:
         run, model = asked.out / "runs" / label(name), asked.out / "models" / label(name)
         print(f"{name}: training", file=sys.stderr)
-        plan = None if name == "as printed" else asked.plan
-        recipe.train([asked.db], run, plan_from=plan, config=rows[name])
+        plan = asked.plan if rows[name].needs_plan else None
+        recipe.train([asked.db], run, plan=plan, config=rows[name])
         if not (model / "model.json").exists():
             export.export(run, model)
         methods.append(f"{label(name)}={model}")

@@ -1,11 +1,11 @@
-"""What each part of the recipe of DC-MoE is worth: one change at a time, several seeds, on held-out ends of clips.
+"""What each part of the recipe of DC-MoE contributes: one change at a time, several seeds, on held-out ends of clips.
 
     python benchmarks/dcmoe_ablations.py DB PLAN OUT [--phases FILE] [--seeds 2] [--updates 300] [--only A,B]
 
-DB: a prepared database; PLAN: a run of `interpose train dcmoe` whose planner all rows with one share, so that the steps
-alone are trained. Every row sees the same number of updates, by default few: this says how fast things are learnt, not
-what a long training ends at. Joint errors are ratios to interpolation's, from one start frame (`train.validation`);
-OUT keeps the runs, so that a second call goes on, and the table as `table.md`.
+DB: a prepared database; PLAN: a run of `interpose train plan` whose planner all rows with one share. Every row sees the
+same number of updates, by default few: the table compares how fast things are learnt, not what a long training ends at.
+Joint errors are ratios to interpolation's, from one start frame (`interpose.train.dcmoe.validation`); OUT keeps the
+runs, so that a second call resumes, and the table as `table.md`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from interpose.io.files import write_whole
 from interpose.train.common import checkpoint
 from interpose.train.common.frames import Frames, divided
 from interpose.train.dcmoe import recipe, validation
-from interpose.train.dcmoe.config import PRESETS, Config, Stage
+from interpose.train.dcmoe.config import PRESETS, DCMoEConfig, Stage
 
 SHOWN = ("valid/15", "valid/30", "valid/60", "valid/90", "path/30", "path/90", "jerk/30", "jerk/90")
+NO_PLANNER = "no planner: interpolation as the base"
 HEADS = ("15", "30", "60", "90", "true path, 30", "90", "jerk / truth, 30", "90")
-Change = Callable[[Config], Config]
+Change = Callable[[DCMoEConfig], DCMoEConfig]
 
 
 def rows() -> dict[str, Change]:
@@ -43,29 +44,23 @@ def rows() -> dict[str, Change]:
     def weighed(**changes: float) -> Change:
         return lambda c: replace(c, weights=replace(c.weights, **changes))
 
-    def one_step(c: Config) -> Config:
+    def one_step(c: DCMoEConfig) -> DCMoEConfig:
         return replace(c, stages=tuple(replace(s, unroll=1, rows=512) for s in c.stages))
 
-    def half_first(c: Config) -> Config:
-        half = c.stages[0].steps // 2
-        return replace(c, stages=(Stage(half, 1, 512), replace(c.stages[0], steps=half)))
-
-    def letter(c: Config) -> Config:
+    def paper(c: DCMoEConfig) -> DCMoEConfig:
         return replace(PRESETS["paper"], experts=c.experts, hidden=c.hidden, gate=c.gate, stages=one_step(c).stages)
 
     return {
         "ours": lambda c: c,
         "the planner alone, no steps": lambda c: replace(c, stages=(Stage(1, 1, 16),)),
-        "no planner: interpolation as the base": lambda c: replace(c, planner=None),
-        "half of the updates on single steps first": half_first,
+        NO_PLANNER: lambda c: c,
         "one-step training only": one_step,
-        "no planner, one-step training only": lambda c: one_step(replace(c, planner=None)),
         "no noise on the input": sampled(rotation_noise=0.0, hips_noise=0.0),
         "without energy and skate": weighed(energy=0.0, skate=0.0),
-        "steps along likeliest plans only": lambda c: replace(c, planning=replace(c.planning, posterior=0.0)),
+        "steps along likeliest plans only": lambda c: replace(c, posterior=0.0),
         "phases unknown": lambda c: c,
         "16 experts x 512": lambda c: replace(c, experts=16, hidden=512, gate=(512, 128)),
-        "the paper's recipe, batches of 512": letter,
+        "the paper's recipe, batches of 512": paper,
     }
 
 
@@ -78,7 +73,7 @@ def measured(run: Path, held_out: Frames) -> list[float]:
         with torch.no_grad():
             model.network.experts[2].linear.weight.zero_()
             model.network.experts[2].linear.bias.zero_()
-    found = validation.ratios(model, held_out, recipe.PRESETS["small"].sampling)
+    found = validation.ratios(model, held_out, PRESETS["small"].sampling.gaps.longest)
     return [found[name] for name in SHOWN]
 
 
@@ -105,8 +100,8 @@ def main() -> None:
             run = asked.out / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
             config = change(ours)
             phases = None if asked.phases is None or name == "phases unknown" else [asked.phases]
-            plan = asked.plan if config.planner is not None else None
-            recipe.train([asked.db], run, config=config, phases=phases, seed=seed, plan_from=plan)
+            plan = None if name == NO_PLANNER or config.preset == "paper" else asked.plan
+            recipe.train([asked.db], run, config=config, phases=phases, seed=seed, plan=plan)
             found.append(measured(run, held_out))
         each = np.array(found)
         cells = [f"{m:.3f} ± {s:.3f}" for m, s in zip(each.mean(axis=0), np.ptp(each, axis=0) / 2.0, strict=True)]

@@ -1,9 +1,9 @@
-"""What stitching from both ends is worth for DC-MoE: one network against two, trained alike with a small budget.
+"""What stitching from both ends adds to DC-MoE: one network against two, trained alike with a small budget.
 
     python benchmarks/dual.py DB LAFAN1 OUT
 
 DB: the training database. LAFAN1: the folder of LaFAN1's BVH files. A forward and a backward network of preset
-``small`` (800 updates of one step, 1,000 of eight) are runs in OUT/runs, go on where they were stopped, and are
+``small`` (1,000 updates of eight steps) are runs in OUT/runs, resume where they were stopped, and are
 exported to OUT/models: `one` has the forward network alone and arrives on its base, `two` has both. The tables of
 `interpose evaluate stitch` are printed and written to OUT.
 """
@@ -20,7 +20,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from interpose import export
 from interpose.evaluate.stitch import evaluate_stitch
 from interpose.train.dcmoe import recipe
-from interpose.train.dcmoe.recipe import PRESETS, Stage
+from interpose.train.dcmoe.config import PRESETS, Stage
 
 
 def main() -> None:
@@ -29,8 +29,7 @@ def main() -> None:
     parser.add_argument("lafan1", type=Path)
     parser.add_argument("out", type=Path)
     asked = parser.parse_args()
-    stages = (Stage(800, 1, 512), Stage(1000, 8, 128))
-    config = replace(PRESETS["small"], planner=None, stages=stages, average=0.99, warmup=50)
+    config = replace(PRESETS["small"], stages=(Stage(1000, 8, 128),), average=0.99, warmup=50)
     runs, models = asked.out / "runs", asked.out / "models"
     for name, backward in (("front", False), ("back", True)):
         recipe.train([asked.db], runs / name, config=config, backward=backward)

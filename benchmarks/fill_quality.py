@@ -1,4 +1,4 @@
-"""Fills real clips with keys every 45 frames and tells what came out.
+"""Fills real clips with keys every 45 frames and measures the result.
 
     python benchmarks/fill_quality.py DATA [OUT] [MODEL]
 
@@ -40,7 +40,7 @@ def main(data: Path, out: Path, model: str | None = None) -> None:
         clip = io.read(data / name)
         last = min(first + GAPS * step, len(clip) - 1)
         keys = list(range(first, last + 1, step))
-        filled = fill(clip, keys, Request(session=session))[0]
+        filled = fill(clip, keys, Request(session.method, session))[0]
         target = out / Path(name).name
         io.write(target, filled.motion, unchanged_rows={k: k for k in keys})
         rows, made = _rows(data / name), _rows(target)

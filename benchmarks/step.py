@@ -20,7 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -32,7 +32,9 @@ import onnxruntime
 from interpose import retarget, rotation
 from interpose.features import control_shapes, state_shapes
 from interpose.motion import Motion
-from interpose.runtime import guidance, inbetween, inertia, methods, transition
+from interpose.runtime import guidance, inbetween, inertia, transition
+from interpose.runtime.backends.dcmoe import DCMoEBackend
+from interpose.runtime.backends.stitch import StitchBackend
 from interpose.runtime.feet import lock
 from interpose.runtime.model_folder import Session, load
 from interpose.runtime.request import Request
@@ -46,13 +48,16 @@ Call = Callable[[], object]
 def random_model(preset: str, folder: Path) -> Path:
     """The folder of a network of random weights, of the size of that preset and 100 styles."""
     from interpose import export
+    from interpose.models.dcmoe import DCMoE
     from interpose.train.common import checkpoint, loop
-    from interpose.train.dcmoe import recipe
+    from interpose.train.dcmoe.config import PRESETS
+    from interpose.train.planner import config as planner_config
 
-    config = replace(recipe.PRESETS[preset], styles=tuple(f"Style {i}" for i in range(100)))
-    if config.planner is not None:
-        config = replace(config, planner=replace(config.planner, styles=len(config.styles)))
-    model = recipe.DCMoE(recipe.size_of(asdict(config)))
+    styles = tuple(f"Style {i}" for i in range(100))
+    planner = planner_config.PRESETS[preset]
+    planner = replace(planner, size=replace(planner.size, styles=len(styles)), styles=styles)
+    config = replace(PRESETS[preset], styles=styles, plan=planner)
+    model = DCMoE(config.size)
     run = folder / f"run-{preset}"
     run.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
@@ -116,7 +121,8 @@ def parts_timed() -> Iterator[dict[str, float]]:
 
     watched = [
         ("network", Session, "run"),
-        ("base, states and rotations", methods, "generate_batch"),
+        ("base, states and rotations", DCMoEBackend, "generate"),
+        ("base, states and rotations", StitchBackend, "generate"),
         ("feet", lock, "plant_batch"),
         ("velocities at the keys", inertia, "leave"),
         ("velocities at the keys", inertia, "arrive"),
@@ -124,7 +130,7 @@ def parts_timed() -> Iterator[dict[str, float]]:
         ("retargeting", retarget, "to_humanoid"),
         ("retargeting", retarget, "from_humanoid"),
         ("judging the candidates", inbetween, "judge"),
-        ("paths: the network's own way and the gallery", guidance, "plans"),
+        ("paths", guidance, "guide"),
         ("the rest", inbetween, "inbetween"),
     ]
     patches = [mock.patch.object(owner, name, timed(label, getattr(owner, name))) for label, owner, name in watched]

@@ -29,12 +29,15 @@ def random_model(preset: str, folder: Path) -> Path:
     from interpose import export
     from interpose.models.stitching_cvae import StitchingCVAE
     from interpose.train.common import checkpoint, loop
+    from interpose.train.planner import config as planner_config
     from interpose.train.stitch.config import PRESETS
 
-    config = PRESETS[preset]
     styles = tuple(f"Style {i}" for i in range(100))
-    size = replace(config.size, plan=replace(config.size.plan, styles=len(styles)))
-    config = replace(config, size=size, styles=styles)
+    planner = planner_config.PRESETS[preset]
+    planner = replace(planner, size=replace(planner.size, styles=len(styles)), styles=styles)
+    config = PRESETS[preset]
+    size = replace(config.size, styles=len(styles), plan=planner.size)
+    config = replace(config, size=size, styles=styles, plan=planner)
     model = StitchingCVAE(config.size)
     run = folder / f"run-{preset}"
     run.mkdir()

@@ -1,4 +1,4 @@
-"""What a frame of many characters costs, and how smoothly a stream takes changes of course.
+"""What a frame of many characters costs, and how smoothly a stream takes changes of its target.
 
     python benchmarks/streams.py [--repeats N] [--model DIR]
     python benchmarks/streams.py --quality 12 [--model NAME]

@@ -1,7 +1,7 @@
 """How much a style and a variant change a transition: `python benchmarks/style_effect.py [MODEL ...]`.
 
 The demo's plain walk of 59 frames in every style of the model, and in one style in six variants: the mean distance of a
-joint between two of them, over all pairs, in centimetres. Once along paths of the gallery, once the model's own way.
+joint between two of them, over all pairs, in centimetres. Once with paths as by default, once without.
 """
 
 from __future__ import annotations

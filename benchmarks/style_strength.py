@@ -1,6 +1,6 @@
 """What `--style-strength` does: `python benchmarks/style_strength.py [MODEL ...]`.
 
-The demo's plain walk of 59 frames in every style of the model at several strengths, the model's own way: the mean
+The demo's plain walk of 59 frames in every style of the model at several strengths: the mean
 distance of a joint between two styles and from the free motion, centimetres; the jerk beside that of the free motion;
 foot slide; how far any joint is from where it was a frame before at most, centimetres.
 """

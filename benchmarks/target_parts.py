@@ -1,4 +1,4 @@
-"""How well targets given in part are completed: `python benchmarks/target_parts.py DB MODEL [PAIRS] [OUT]`.
+"""How well partial targets are completed: `python benchmarks/target_parts.py DB MODEL [PAIRS] [OUT]`.
 
 Pairs of held-out frames half a second to three seconds apart. For each group that may be given: how far the joints left
 free are from the truth, centimetres, of the start pose carried along, of the likeliest completion and of the best of
@@ -21,6 +21,7 @@ from interpose.data.split import training_ranges
 from interpose.motion import concatenate
 from interpose.render import SheetRow, contact_sheet
 from interpose.runtime import target_parts
+from interpose.runtime.request import Request
 
 VARIANTS = 8
 SHOWN = 5
@@ -28,7 +29,8 @@ SHOWN = 5
 
 def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
     """Prints a row for each group."""
-    session, data = load_model(name).session, database.load(db)
+    model, data = load_model(name).session, database.load(db)
+    request = Request(model.method, model)
     ranges = data.ranges.tolist() if "test" in db.name else training_ranges(data)[1]
     random = np.random.default_rng(0)
     drawn = []
@@ -45,12 +47,12 @@ def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
         given, figures, rows = parts.parse(group), [], []
         unreached = 0
         for start, target, steps in drawn:
-            wish = target_parts.Wish(steps)
             began = time.perf_counter()
-            (likeliest,) = target_parts.complete(start, target, given, session, mapping, wish)
+            (likeliest,) = target_parts.complete(start, target, given, request, mapping, steps)
             took = time.perf_counter() - began
-            (carried,) = target_parts.complete(start, target, given, None, mapping, wish)
-            others = target_parts.complete(start, target, given, session, mapping, replace(wish, seed=1), VARIANTS - 1)
+            (carried,) = target_parts.complete(start, target, given, Request("interp"), mapping, steps)
+            varied = replace(request, seed=1)
+            others = target_parts.complete(start, target, given, varied, mapping, steps, VARIANTS - 1)
             true, free = target.global_positions()[0], ~given.known
             wrong = [
                 100.0 * np.linalg.norm(e.pose.global_positions()[0] - true, axis=-1)[free].mean()

@@ -16,11 +16,11 @@ from interpose.demo import poses
 from interpose.motion import concatenate
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("clip", nargs="?", help="a BVH file")
+parser.add_argument("clip", nargs="?", help="a motion file")
 parser.add_argument("start", nargs="?", type=int, default=0, help="frame of the start key")
 parser.add_argument("target", nargs="?", type=int, default=-1, help="frame of the target key")
 parser.add_argument("--frames", type=int, default=59, help="frames to make between them")
-parser.add_argument("--style", help="one of the model's styles; left free where left out")
+parser.add_argument("--style", help="one of the model's styles; free where left out")
 parser.add_argument("--model", help="an installed model's name or a folder")
 parser.add_argument("-o", "--out", default="two_poses.bvh", help=".bvh or .glb")
 given = parser.parse_args()
@@ -36,4 +36,4 @@ best = model.inbetween(start, target, given.frames, style=given.style)[0]
 ip.write(given.out, concatenate(start, best.motion, target))
 print(f"{given.out}: {best.info.frames} frames by {best.info.method} in {best.info.seconds:.2f} s")
 if best.info.fallback is not None:
-    print(f"interpolated, because {best.info.fallback}")
+    print(f"note: {best.info.fallback}")

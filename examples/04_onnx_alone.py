@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -53,17 +52,16 @@ hips, rotations, positions, facing = pose(ends[0], locals_[0])
 target = pose(ends[1], locals_[1])
 style = 0 if given.style is None else 1 + info["styles"].index(given.style)
 style_weights = np.eye(len(info["styles"]) + 1)[style]
-if "planner" in info and given.frames < 92:  # what it foresees of the gap, added to interpolation at eight anchors
+if "planner" in info and given.frames < 92:  # its prediction of the gap, added to interpolation at every frame
     plan = onnxruntime.InferenceSession(given.folder / "plan.onnx", providers=["CPUExecutionProvider"])
     known = {"steps": np.full(1, given.frames + 1), "style": style_weights, "path": np.zeros((8, 4))}
     known |= {"path_known": np.zeros(1), "noise": np.zeros(info["planner"]["latent"])}
+    known |= {"frames": np.arange(given.frames + 2)}
     for end, key in (("start", (hips, rotations, positions)), ("target", target[:3])):
         known |= {f"{end}_{name}": value for name, value in zip(("hips", "rotations", "positions"), key, strict=True)}
         known |= {f"{end}_velocities": np.zeros((22, 3)), f"{end}_known": np.zeros(1)}
     added = plan.run(["added"], {name: np.float32(value)[None] for name, value in known.items()})[0][0]
-    anchors = np.concatenate([np.zeros((1, 135)), added, np.zeros((1, 135))])
-    curve = CubicSpline(np.linspace(0.0, 1.0, 10), anchors, bc_type="natural")
-    base = list(np.array(base) + curve(np.linspace(0.0, 1.0, given.frames + 2)))
+    base = list(np.array(base) + added)
 
 state = {
     "hips": hips,
@@ -80,8 +78,8 @@ control = {
     "target_rotations": target[1],
     "target_positions": target[2],
     "style": style_weights,
-    "path": np.tile([hips[0], hips[2], *facing, 0.0, 0.0], (6, 1)) if info["absolute"] else np.zeros((6, 6)),
-    "path_known": np.full(1, float(info["absolute"])),
+    "path": np.tile([hips[0], hips[2], *facing, 0.0, 0.0], (6, 1)) if info.get("absolute") else np.zeros((6, 6)),
+    "path_known": np.full(1, float(bool(info.get("absolute")))),
 }
 made: dict[str, list[np.ndarray]] = {"hips": [], "rotations": [], "contacts": []}
 outputs = [output.name for output in step.get_outputs()]
@@ -90,7 +88,7 @@ for c in range(given.frames):
     feed = {name: np.float32(value)[None] for name, value in (state | control | moving).items()}
     said = {name: value[0] for name, value in zip(outputs, step.run(None, feed), strict=True)}
     state = {name: said[f"next_{name}"] for name in state if name != "velocity_known"} | {"velocity_known": np.ones(1)}
-    if info["absolute"]:
+    if info.get("absolute"):
         control["path"] = said["next_path"]
     for name, frames in made.items():
         frames.append(said["contacts"] if name == "contacts" else state[name])

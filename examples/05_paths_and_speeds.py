@@ -1,10 +1,10 @@
-"""The same two keys fast, medium and slow, then along three lines of your own: one picture of all.
+"""The same two keys fast, medium and slow, then along three paths that are drawn: one picture of all.
 
     python examples/05_paths_and_speeds.py
     python examples/05_paths_and_speeds.py --style Chicken --gallery my-gallery -o sheet.png
 
-Without a number of frames the gallery of trajectories says how long the way takes; along a drawn line it says how fast
-each stretch of it is walked. A gallery of your own data: `interpose gallery build DB -o my-gallery`.
+Without a number of frames the gallery of trajectories suggests a duration, and the speed along a drawn path. A gallery
+of your own data: `interpose gallery build DB -o my-gallery`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from interpose.gallery import store
 from interpose.motion import concatenate
 from interpose.render import SheetRow, contact_sheet
 
-LINES = {"straight on": [(0.0, 1.25)], "a bend to the left": [(1.2, 1.0)], "an S": [(0.6, 0.6), (-0.6, 1.9)]}
+PATHS = {"straight on": [(0.0, 1.25)], "a bend to the left": [(1.2, 1.0)], "an S": [(0.6, 0.6), (-0.6, 1.9)]}
 """Points between the keys, x and z in metres; the keys themselves are added."""
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -37,7 +37,7 @@ start, target = poses.pose(poses.STAND), poses.pose(poses.WALK_LEFT, (0.0, 2.5))
 suggested = model.suggest(start, target, style=given.style, gallery=gallery)
 print(f"{suggested.frames} frames suggested")
 asked = {each.speed: {"speed": each.speed} for each in suggested.alternatives}
-asked |= {name: {"path": points} for name, points in LINES.items()}
+asked |= {name: {"path": points} for name, points in PATHS.items()}
 rows = []
 for name, options in asked.items():
     made = model.inbetween(start, target, style=given.style, gallery=gallery, **options)[0]

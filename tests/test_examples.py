@@ -15,8 +15,8 @@ import interpose
 from interpose.features import state_shapes
 from interpose.gallery.store import save
 from interpose.rotation import IDENTITY, from_rotation_vector
-from interpose.runtime import planner
-from interpose.runtime.backends.dcmoe import generate_batch
+from interpose.runtime.backends.dcmoe import BACKEND
+from interpose.runtime.gap_batch import batch_of
 from interpose.runtime.model_folder import Session, installed, load
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -33,7 +33,7 @@ def run(tmp_path, monkeypatch, capsys):
 
     folder = tmp_path / "model"
     folder.mkdir()
-    info = {"format": 1, "name": "plain", "method": "dcmoe", "styles": ["Angry"], "licence": "MIT", "absolute": False}
+    info = {"format": 2, "name": "plain", "method": "dcmoe", "styles": ["Angry"], "licence": "MIT"}
     (folder / "model.json").write_text(json.dumps(info))
     monkeypatch.setattr(Session, "step", step)
     monkeypatch.chdir(tmp_path)
@@ -65,12 +65,6 @@ def test_styles_and_variants(run, tmp_path):
     assert (tmp_path / "styles.png").stat().st_size > 10_000
 
 
-def plainly(session, told, drawn):
-    """A plan that is not averaged with its mirror image's, as the example leaves it."""
-    said = session.run("plan", {k: np.asarray(v, dtype=np.float32) for k, v in (told | {"noise": drawn}).items()})
-    return said["added"], said["latent"]
-
-
 def test_onnx_alone_agrees_with_the_package(tmp_path, monkeypatch):
     if not installed():
         pytest.skip("needs an installed model, and there is none in the package")
@@ -80,12 +74,11 @@ def test_onnx_alone_agrees_with_the_package(tmp_path, monkeypatch):
     places = np.array([[[0.0, 0.93, 0.0]], [[0.0, 0.93, 2.0]]])
     local = np.tile(IDENTITY, (2, 1, 22, 1))
     local[1, 0, 0] = from_rotation_vector(np.array([0.0, np.pi / 2.0, 0.0]))
-    session = load(folder)
-    monkeypatch.setattr(planner, "plan", plainly)
-    hips, _, contacts = generate_batch(session, places[:1], local[:1], places[1], local[1], frames=20)
+    keys = [(places[i : i + 1], local[i : i + 1]) for i in (0, 1)]
+    whole = BACKEND.generate(load(folder), batch_of(*keys, 20))
     with np.load(out) as made:
-        np.testing.assert_allclose(made["hips"], hips[0], atol=1e-4)
-        np.testing.assert_allclose(made["contacts"], contacts[0], atol=1e-3)
+        np.testing.assert_allclose(made["hips"], whole.root[0], atol=1e-4)
+        np.testing.assert_allclose(made["contacts"], whole.contacts[0], atol=1e-3)
 
 
 def test_game_loop(run, tmp_path):

@@ -20,9 +20,6 @@ from interpose.runtime.info import Info
 from interpose.runtime.model import Model, load_model
 
 OVERVIEW = "contact-sheet.png"
-SEED = 1
-STRENGTH = 1.5
-"""Of the styles: between keys of another style 1 shows half as well (docs/training.md)."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +47,7 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
     mapping = retarget.map_skeleton(asked[0].start)
     made, rows = [], []
     for scene in asked:
-        candidate = model.inbetween(
-            scene.start,
-            scene.target,
-            scene.frames,
-            style=scene.style,
-            seed=SEED,
-            mapping=mapping,
-            style_strength=STRENGTH,
-        )[0]
+        candidate = model.inbetween(scene.start, scene.target, scene.frames, style=scene.style, mapping=mapping)[0]
         whole = concatenate(scene.start, candidate.motion, scene.target)
         bvh_file, glb_file, png_file = (folder / f"{scene.name}{suffix}" for suffix in (".bvh", ".glb", ".png"))
         io.write(bvh_file, whole)
