@@ -1,7 +1,7 @@
 """A mannequin for any skeleton: closed surfaces, each fixed to one joint, for pictures and for glTF.
 
 A humanoid gets limbs, a torso, a head, hands and flat-soled feet, sized by its own bones; any other skeleton gets one
-tapered capsule a bone, thicker where more of the body hangs on it. Surfaces are lofts: elliptical (or, for feet,
+tapered capsule per bone, thicker where it carries more of the body. Surfaces are lofts: elliptical (or, for feet,
 squarish) cross-sections along an axis, closed by a pole at each end.
 """
 
@@ -28,8 +28,8 @@ _X, _Y, _Z = np.eye(3)
 class Mannequin:
     """Triangles fixed to the joints of a skeleton.
 
-    vertices, normals: (vertex, 3) in the frame of the joint that carries them, metres and unit vectors.
-    joints: (vertex,) which joint that is. triangles: (triangle, 3) vertex indices, counter-clockwise from outside.
+    vertices, normals: (vertex, 3) in the frame of their joint, metres and unit vectors. joints: (vertex,) that joint.
+    triangles: (triangle, 3) vertex indices, counter-clockwise from outside.
     sides: (triangle,) MIDDLE, LEFT or RIGHT.
     """
 
@@ -102,7 +102,7 @@ def _capsule(
         other = _Z if abs(axis[2]) < 0.9 else _X
         across = other - (other @ axis) * axis
     across = across / np.linalg.norm(across)
-    # Where the cone touches both end spheres, the surface normal leans by this angle from the cross-section.
+    # Where the cone touches both end spheres, the surface normal is at this angle to the cross-section.
     lean = np.arcsin(np.clip((ra[1] - rb[1]) / max(length, 1e-9), -0.95, 0.95))
     first = np.linspace(-np.pi / 2, lean, detail + 1)
     last = np.linspace(lean, np.pi / 2, detail + 1)
@@ -139,7 +139,7 @@ def assemble(pieces: Sequence[_Piece]) -> Mannequin:
 def mannequin(source: Skeleton | Motion, detail: int = 5) -> Mannequin:
     """The mannequin of a skeleton; ``detail`` is a quarter of the number of vertices around a limb.
 
-    Given a motion, its frames help to recognise a humanoid whose rest pose says nothing.
+    The frames of a motion help to recognise a humanoid whose rest pose is ambiguous.
     """
     skeleton = source.skeleton if isinstance(source, Motion) else source
     body = _humanoid(source)
@@ -157,7 +157,7 @@ def _side(name: str) -> int:
 
 
 def _creature(skeleton: Skeleton, detail: int) -> list[_Piece]:
-    """One tapered capsule a bone: as thick as its length allows and as the length of what hangs on it asks for."""
+    """One tapered capsule per bone, as thick as its own length and the total length of its descendants allow."""
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     lengths[0] = 0.0
     carried = lengths.copy()
@@ -181,7 +181,7 @@ def _creature(skeleton: Skeleton, detail: int) -> list[_Piece]:
 
 @dataclass(frozen=True)
 class _Humanoid:
-    """Where the humanoid's joints are on a skeleton, and how the T-pose's axes are turned into each one's own frame."""
+    """The humanoid's joints on a skeleton, and the rotation from the T-pose's axes to the frame of each."""
 
     joints: dict[str, int]
     frames: dict[str, Float[ndarray, "4"]]
@@ -197,7 +197,7 @@ class _Humanoid:
 
 
 def _humanoid(source: Skeleton | Motion) -> _Humanoid | None:
-    """None where the skeleton is no humanoid, or where much of it (more legs, a tail) has no counterpart in one."""
+    """None where the skeleton is not a humanoid, or where much of it (more legs, a tail) has no counterpart in one."""
     try:
         found = mapping.map_skeleton(source)
     except InputError:
@@ -213,7 +213,7 @@ def _humanoid(source: Skeleton | Motion) -> _Humanoid | None:
 
 
 def _human(body: _Humanoid, detail: int) -> list[_Piece]:
-    """Sizes are those of an adult whose leg (hip to ankle) measures .86 m, scaled to the leg at hand."""
+    """The sizes of an adult whose leg (hip to ankle) measures 0.86 m, scaled to this skeleton's leg."""
     leg = np.linalg.norm(body.reach("LeftUpLeg", "LeftLeg")) + np.linalg.norm(body.reach("LeftLeg", "LeftFoot"))
     s = float(leg) / 0.86
     pieces: list[_Piece] = []
@@ -279,11 +279,11 @@ def _human(body: _Humanoid, detail: int) -> list[_Piece]:
 
 
 SOLE = 0.020
-"""How far under the toe joint an adult's sole is taken to be, metres."""
+"""Metres from an adult's toe joint down to the sole."""
 
 
 def _foot(ball: ndarray, s: float, detail: int) -> tuple[ndarray, ndarray]:
-    """Heel to ball, flat below; ``ball`` is the toe joint seen from the ankle."""
+    """Heel to ball, with a flat sole; ``ball`` is the toe joint relative to the ankle."""
     sole, back, front = ball[1] - SOLE * s, -0.062 * s, ball[2] + 0.022 * s
     at = np.array([0.0, 0.0, 0.05, 0.16, 0.34, 0.62, 0.85, 0.96, 1.0, 1.0])
     wide = s * np.array([0.0, 0.018, 0.028, 0.034, 0.036, 0.042, 0.045, 0.043, 0.036, 0.0])
@@ -301,6 +301,6 @@ def _toes(s: float, detail: int) -> tuple[ndarray, ndarray]:
 
 
 def _sole(x: ndarray, sole: float, z: ndarray, wide: ndarray, tall: ndarray, detail: int) -> tuple[ndarray, ndarray]:
-    """A loft along Z that stands on the plane y = ``sole``."""
+    """A loft along Z on the plane y = ``sole``."""
     centres = np.stack([np.broadcast_to(x, z.shape), sole + tall / 2, z], axis=1)
     return loft(centres, _X, _Y, np.stack([wide, tall / 2], axis=1), 4 * detail, roundness=0.62)

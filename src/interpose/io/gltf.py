@@ -1,4 +1,4 @@
-"""Writing a motion as binary glTF 2.0 (.glb): a skinned mannequin with one animation.
+"""Writes a motion as binary glTF 2.0 (.glb): a skinned mannequin with one animation.
 
 The specification is Khronos glTF 2.0, sections 3.6 (buffers), 3.7.3 (skins) and 3.11 (animations). Joints are nodes
 whose bind pose is the skeleton's rest pose, so an inverse bind matrix is a translation; every vertex belongs to one
@@ -101,14 +101,14 @@ def _unit(q: ndarray) -> ndarray:
 
 
 def _nodes(motion: Motion) -> list[gltf.Node]:
-    """A node a joint, in the motion's first pose."""
+    """One node per joint, in the motion's first pose."""
     skeleton = motion.skeleton
-    places = skeleton.offsets.copy() if motion.translations is None else motion.translations[0].copy()
-    places[0] = motion.root_positions[0]
-    turned = _unit(motion.local_rotations[0])
+    positions = skeleton.offsets.copy() if motion.translations is None else motion.translations[0].copy()
+    positions[0] = motion.root_positions[0]
+    rotations = _unit(motion.local_rotations[0])
     nodes = [
-        gltf.Node(name=name, translation=place.tolist(), rotation=turn.tolist())
-        for name, place, turn in zip(skeleton.names, places.astype(np.float32), turned, strict=True)
+        gltf.Node(name=name, translation=position.tolist(), rotation=turn.tolist())
+        for name, position, turn in zip(skeleton.names, positions.astype(np.float32), rotations, strict=True)
     ]
     for parent, node in enumerate(nodes):
         node.children = [joint for joint, p in enumerate(skeleton.parents) if p == parent]
@@ -125,7 +125,7 @@ def _rest(skeleton: Skeleton) -> ndarray:
 
 
 def _add_mannequin(document: _Document, motion: Motion) -> None:
-    """The mesh in the rest pose, one primitive a side of the body, and the skin that ties it to the joints."""
+    """The mesh in the rest pose, one primitive per side of the body, and the skin that binds it to the joints."""
     shape, rest = mannequin(motion, _DETAIL), _rest(motion.skeleton)
     index = np.uint8 if len(rest) < 256 else np.uint16
     primitives = []
@@ -134,17 +134,17 @@ def _add_mannequin(document: _Document, motion: Motion) -> None:
         if len(triangles) == 0:
             continue
         used, flat = np.unique(triangles, return_inverse=True)
-        carriers = shape.joints[used]
+        joints = shape.joints[used]
         bones = np.zeros((len(used), 4), dtype=index)
-        bones[:, 0] = carriers
+        bones[:, 0] = joints
         weights = np.zeros((len(used), 4), dtype=np.float32)
         weights[:, 0] = 1.0
-        places = (rest[carriers] + shape.vertices[used]).astype(np.float32)
+        positions = (rest[joints] + shape.vertices[used]).astype(np.float32)
         corners = flat.astype(np.uint16 if len(used) < 65535 else np.uint32)
         primitives.append(
             gltf.Primitive(
                 attributes=gltf.Attributes(
-                    POSITION=document.add(places, gltf.VEC3, gltf.ARRAY_BUFFER, limits=True),
+                    POSITION=document.add(positions, gltf.VEC3, gltf.ARRAY_BUFFER, limits=True),
                     NORMAL=document.add(_unit(shape.normals[used]), gltf.VEC3, gltf.ARRAY_BUFFER),
                     JOINTS_0=document.add(bones, gltf.VEC4, gltf.ARRAY_BUFFER),
                     WEIGHTS_0=document.add(weights, gltf.VEC4, gltf.ARRAY_BUFFER),
@@ -169,7 +169,7 @@ def _add_mannequin(document: _Document, motion: Motion) -> None:
 
 
 def _add_animation(document: _Document, name: str, motion: Motion) -> None:
-    """Rotations of every joint and the root's translation; other translations where the motion animates them."""
+    """Rotations of all joints and the root's translation; other translations where the motion animates them."""
     times = (np.arange(len(motion)) / motion.rate).astype(np.float32)
     clock = document.add(times, gltf.SCALAR, limits=True)
     animation = gltf.Animation(name=name, samplers=[], channels=[])
@@ -180,9 +180,9 @@ def _add_animation(document: _Document, name: str, motion: Motion) -> None:
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers), target=target))
         animation.samplers.append(sampler)
 
-    turned = _unit(rotation.continuous(motion.local_rotations))
+    rotations = _unit(rotation.continuous(motion.local_rotations))
     for joint in range(len(motion.skeleton)):
-        channel(joint, "rotation", turned[:, joint], gltf.VEC4)
+        channel(joint, "rotation", rotations[:, joint], gltf.VEC4)
         if joint == 0:
             channel(joint, "translation", motion.root_positions.astype(np.float32), gltf.VEC3)
         elif motion.translations is not None:

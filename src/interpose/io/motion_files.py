@@ -1,4 +1,4 @@
-"""Motions from and to files of any format in `interpose.io.registry`."""
+"""Reads and writes motions in any format of `interpose.io.registry`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ def read(path: str | os.PathLike[str]) -> Motion:
     """The motion in a file: metres, Y up, with the file's :class:`~interpose.motion.SourceLayout`.
 
     The format is recognised by the contents; the extension decides where that fails. Raises InputError, with the line
-    where there is one, for a file that cannot be read or does not hold a whole motion.
+    if there is one, for a file that cannot be read or is not a complete motion.
     """
     return parse(read_whole(path), os.fspath(path))
 
 
 def parse(data: bytes, name: str) -> Motion:
-    """What :func:`read` makes of a file with these bytes; ``name`` stands for its path."""
+    """Reads the bytes of a file; ``name`` stands for its path. See :func:`read`."""
     return reader_of(data, name).load().parse(data, name)
 
 
