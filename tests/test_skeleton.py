@@ -110,7 +110,7 @@ def test_what_is_no_tree_raises(names: tuple[str, ...], parents: tuple[int, ...]
 
 
 def test_the_humanoid_is_lafan1s() -> None:
-    # docs/method.md, C10: joint order of LaFAN1 and its bone lengths, metres.
+    # Joint order of LaFAN1 and its bone lengths, metres.
     assert HUMANOID.names[:5] == ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe")
     some = ("RightUpLeg", "Spine", "Head", "LeftShoulder", "RightHand")
     assert [HUMANOID.index(name) for name in some] == [5, 9, 13, 14, 21]

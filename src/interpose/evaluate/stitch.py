@@ -1,7 +1,7 @@
 """`interpose evaluate stitch`: table 1 of Ren et al. 2024, and the figures 6 and 8, from exactly two frames.
 
 Windows of 50 frames of subject 5, one each 20, moved and turned by their first frame. A gap of n frames counts both its
-keys, as in the paper (METHOD.md, B4): frame 0 is the start, frame n - 1 the target, and the n - 2 between are scored.
+keys, as in the paper: frame 0 is the start, frame n - 1 the target, and the n - 2 between are scored.
 A model that draws is shown three times: the likeliest motion (the prior's mean), the mean of ten samples, and for each
 window and metric the best of the ten.
 """

@@ -1,6 +1,6 @@
 """Which of the trajectories that match a gap to take: the likeliest first, then others that truly differ from it.
 
-The paper draws one at random; here the windows of a random sample are weighed. docs/gallery.md has how well that
+The paper draws one at random; here the windows of a random sample are weighed. docs/paths.md has how well that
 performs.
 """
 

@@ -1,7 +1,7 @@
 """How well each matching window fits a query, from more than the positions and facings of its two keys.
 
 Beyond equation 7 of the paper, postures and known velocities at both ends, stretched time, detours and turns cost too.
-A window's weight among the others is exp(-cost). docs/gallery.md has how well this performs.
+A window's weight among the others is exp(-cost). docs/paths.md has how well this performs.
 """
 
 from __future__ import annotations

@@ -5,15 +5,15 @@ normalisation, network and geometry are all inside, so that training, ONNX and t
 
 The network is the paper's: expert layers blended by a gate that sees phases, style and time to arrival. Blending the
 weights of linear layers and blending their outputs are the same thing; the output form is one large product
-(docs/method.md, C5). What it predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a
-residual on the interpolation base (docs/method.md, D1): with A the interpolation from start to target, c the frames
+(docs/method.md). What it predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a
+residual on the interpolation base (docs/method.md): with A the interpolation from start to target, c the frames
 gone and k those left,
 
     next = A(c+1) + (k-1)/k (current - A(c)) + [k > 1] net,
 
 in 6-D, so that what the network adds decays to nothing at the target and arrival is exact whatever it says.
 
-With a planner (`interpose.models.planner`, docs/method.md, D26) A is what that foresees of the whole gap, so that the
+With a planner (`interpose.models.planner`, docs/method.md) A is what that foresees of the whole gap, so that the
 steps need not find the way, only walk it.
 """
 
@@ -282,7 +282,7 @@ class DCMoE(nn.Module):
 
     @staticmethod
     def _phases(state: State, predicted: Float[Tensor, "batch key channel 3"]) -> Float[Tensor, "batch key channel 2"]:
-        """The phase update (docs/method.md, C4): each key's old phase, turned by its frequency, averaged in direction
+        """The phase update (docs/method.md): each key's old phase, turned by its frequency, averaged in direction
         with the predicted one, at the predicted amplitude. Where the old one is unknown (nil), that one stands."""
         before = torch.cat([state.phase_past[:, -1:], state.phase_future], dim=1)
         angle = predicted[..., 2] * (2.0 * math.pi / RATE)

@@ -1,6 +1,6 @@
 """The detail transformer of Qin et al. 2022 (`Motion In-betweening via Two-stage Transformers`), on top of stitching.
 
-It sees a whole rough transition with both its keys, a frame a token, and says what to add to it (METHOD.md, C9):
+It sees a whole rough transition with both its keys, a frame a token, and says what to add to it:
 pre-normalised attention layers with learned relative positions and no absolute ones, so that any length goes. What it
 adds is nil at both keys.
 """

@@ -1,4 +1,4 @@
-"""What the generators of S-CVAE see and say: the paper's form and the one that works (docs/method.md, S3).
+"""What the generators of S-CVAE see and say: the paper's form and the one that works (docs/method.md).
 
 ``paper`` (Ren et al. 2024, section 4.1): local quaternions, the root's velocity and contacts (95); the quaternions' and
 the root's difference from the target (91); the target's quaternions (88); the network says what is added to the

@@ -4,7 +4,7 @@ A step takes the state of a chain, what it is led to and a latent z, and makes t
 experts, phases and geometry are all inside, so that training, ONNX and the run time cannot disagree. The backward
 generator is the same network with weights of its own, on motion that runs backwards.
 
-Two forms (`interpose.models.stitch_forms`): ``paper`` is the letter, ``yaw`` what works (docs/method.md, S1 to S8). A
+Two forms (`interpose.models.stitch_forms`): ``paper`` is the letter, ``yaw`` what works (docs/method.md). A
 latent is one for the whole gap (``gap``), from a :class:`~interpose.models.planner.Planner`, or one a frame
 (``frame``), from the generator's own encoder with latent interpolation (equations 1 and 2), as printed.
 """

@@ -1,7 +1,7 @@
 """How each variant of a gap is guided: how long it takes, the root's path and the style, before any frame is made.
 
 A path is drawn by the user, straight, or matched from the gallery (Chu and Yang 2024, section 4). By default the
-likeliest variant is unconstrained, since the planner's own root measures better than matched ones (docs/gallery.md).
+likeliest variant is unconstrained, since the planner's own root measures better than matched ones (docs/paths.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (docs/method.md, D6).
+"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (docs/method.md).
 
 All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.dcmoe.sequences.Truth` of the
 same step, in the root frame of the step's start, and return scalars: means over the rows that are still inside their
@@ -79,7 +79,7 @@ def paper(
 
 @dataclass(frozen=True)
 class RollOutWeights:
-    """Weights of :func:`unrolled` (docs/method.md, D6); the auxiliary ones are ours."""
+    """Weights of :func:`unrolled` (docs/method.md); the auxiliary ones are ours."""
 
     position: float = 3.0
     rotation: float = 1.0

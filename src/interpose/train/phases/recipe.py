@@ -1,7 +1,7 @@
 """The recipe of the periodic autoencoder: ``interpose train pae --data DB -o RUN``.
 
-Mean squared error between a window of velocities and its reconstruction, AdamW, one cosine cycle, as in docs/method.md,
-C1 (Starke et al. 2022, section 4.3), with larger batches and a higher rate. The run folder is that of
+Mean squared error between a window of velocities and its reconstruction, AdamW, one cosine cycle, as in Starke et al.
+2022, section 4.3, with larger batches and a higher rate. The run folder is that of
 `interpose.train.common.loop`; when the training is finished it also has ``phases.npy``
 (`interpose.train.phases.extract`; for several databases ``phases-1.npy``, ``phases-2.npy``, ... in their order),
 ``report.json``, ``manifold.png`` and ``clip.png``.
