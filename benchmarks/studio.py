@@ -112,11 +112,7 @@ def _ask(
             "rig": rig,
             "gap": "gap",
             "frames": frames,
-            "method": "dcmoe",
-            "style": "Chicken",
-            "path": {"kind": "auto"},
-            "variants": variants,
-            "seed": 1,
+            "settings": {"method": "dcmoe", "style": "Chicken", "variants": variants, "seed": 1},
             "live": live,
             "arrays": messages.shapes(ends),
         }

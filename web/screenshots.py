@@ -16,6 +16,13 @@ from playwright.sync_api import Page, sync_playwright
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from browsing import find_chromium, launch, settle, somebody_known, start
 
+DRAW = """() => {
+    const points = [[0.9, 2.3], [1.8, 2.6], [2.6, 2.0]];
+    const path = { kind: "waypoints", points, times: null, facing: null, drawn: true };
+    const { studio } = window.interpose;
+    studio.setGap(studio.selectedGap.id, { path }, "Draw");
+}"""
+
 
 def whole(page: Page) -> None:
     """The sample scene with a gap's candidates."""
@@ -29,7 +36,7 @@ def paths(page: Page) -> None:
     """A drawn path with its control points, in dark."""
     page.get_by_test_id("theme").click()
     page.get_by_test_id("gap-39").click()
-    page.evaluate("() => window.interpose.studio.changeDrawnPath([[0.9, 2.3], [1.8, 2.6], [2.6, 2.0]], 'end')")
+    page.evaluate(DRAW)
     page.get_by_test_id("frames").fill("99")
     page.get_by_test_id("frames").press("Enter")
     page.get_by_test_id("frames").blur()

@@ -25,20 +25,33 @@ def served(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Any]:
     """With what the server was started."""
     seen: list[Any] = []
     monkeypatch.setattr(studio.front, "find", lambda: tmp_path)
-    monkeypatch.setattr(studio, "serve", lambda *given, browse: seen.append((*given, browse)) or 0)
+    monkeypatch.setattr(studio, "serve", lambda *given, browse, offer: seen.append((*given, browse, offer)) or 0)
     return seen
 
 
 def test_nothing_is_needed(run: Any, served: list[Any], tmp_path: Path) -> None:
     assert run("studio") == (0, "", "")
-    assert served == [(Opened(source=None, project=None), tmp_path, None, True)]
+    ((*given, offer),) = served
+    assert given == [Opened(source=None, project=None), tmp_path, None, True]
+    assert (offer.gallery, offer.gallery_name) == (None, None)
 
 
 def test_a_clip_goes_to_the_browser_as_it_is(run: Any, served: list[Any], clip: Path) -> None:
     assert run("studio", clip, "--port", 9000, "--no-browser")[0] == 0
-    (opened, _, port, browse) = served[0]
+    (opened, _, port, browse, _) = served[0]
     assert (opened.source.name, opened.source.text, opened.project) == ("walk.bvh", clip.read_text(), None)
     assert (port, browse) == (9000, False)
+
+
+def test_a_gallery_is_opened_before_the_server_starts(run: Any, served: list[Any], tmp_path: Path) -> None:
+    code, _, error = run("studio", "--gallery", tmp_path / "none")
+    assert code == 1
+    assert "none is no gallery" in error or "no model" in error
+    assert served == []
+    assert run("studio", "--gallery", "stitch")[0] == 0
+    offer = served[0][-1]
+    assert offer.gallery is not None
+    assert offer.gallery_name == "stitch"
 
 
 def test_suffixes_are_known_in_capitals(served: list[Any], tmp_path: Path) -> None:

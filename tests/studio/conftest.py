@@ -1,20 +1,19 @@
-"""The models that ship, loaded once; tests are skipped where they are not installed."""
+"""The bundled models, loaded once; tests that need them are skipped if they are not installed."""
 
 from __future__ import annotations
 
 import pytest
 from studio_rigs import no_humanoid, opened, walk
 
-from interpose.studio import methods
-from interpose.studio.methods import Sessions
+from interpose.studio.methods import Offer
 from interpose.studio.rigs import Clip
 
 
 @pytest.fixture(scope="session")
-def models() -> Sessions:
-    found = methods.load()
-    if set(found) != set(methods.TRAINED):
-        pytest.skip("needs the models that ship")
+def models() -> Offer:
+    found = Offer()
+    if not {"default", "stitch"} <= {model.name for model in found.models}:
+        pytest.skip("needs the bundled models")
     return found
 
 

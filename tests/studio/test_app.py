@@ -22,7 +22,7 @@ from interpose.studio import app as apps
 from interpose.studio import messages, pose_rows
 from interpose.studio import scheduler as scheduler
 from interpose.studio.app import create_app
-from interpose.studio.methods import Sessions
+from interpose.studio.methods import Offer
 from interpose.studio.protocol import (
     SERVER_MESSAGE,
     Candidates,
@@ -40,10 +40,12 @@ from interpose.studio.sample import sample
 BVH = io.serialize(walk(), "clip.bvh")
 FOREIGN = {**HOST, "origin": "http://evil.example"}
 
+NOTHING = Offer(models=())
+
 
 def served(**given: Any) -> TestClient:
     return TestClient(
-        create_app(PORT, given.pop("sessions", {}), **given), headers=OWN, base_url=f"http://127.0.0.1:{PORT}"
+        create_app(PORT, given.pop("offer", NOTHING), **given), headers=OWN, base_url=f"http://127.0.0.1:{PORT}"
     )
 
 
@@ -248,7 +250,7 @@ def guarded(answer: Any) -> None:
 def test_every_answer_has_the_headers_that_guard_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    app = create_app(PORT, {}, front=folder)
+    app = create_app(PORT, NOTHING, front=folder)
     with TestClient(app, headers=OWN, base_url=f"http://127.0.0.1:{PORT}", raise_server_exceptions=False) as client:
         for path in ("/", "/none", "/api/sample", "/api/none"):
             guarded(client.get(path))
@@ -280,7 +282,7 @@ def test_too_little_memory_is_told(client: TestClient, monkeypatch: pytest.Monke
 
 
 def test_a_browser_that_goes_in_the_middle_of_an_upload_is_no_fault() -> None:
-    app = create_app(PORT, {})
+    app = create_app(PORT, NOTHING)
     scope = {
         "type": "http", "method": "POST", "path": "/api/rigs", "raw_path": b"/api/rigs", "query_string": b"",
         "headers": [(name.encode(), value.encode()) for name, value in OWN.items()], "root_path": "",
@@ -305,7 +307,7 @@ def test_strangers_are_refused_before_anything_is_done(client: TestClient, path:
 
 @pytest.mark.parametrize("path", ["/api/rigs", "/api/projects", "/api/export"])
 def test_what_is_posted_must_come_from_the_page(folder: Path, path: str) -> None:
-    app = create_app(PORT, {}, front=folder)
+    app = create_app(PORT, NOTHING, front=folder)
     with TestClient(app, base_url=f"http://127.0.0.1:{PORT}") as client:
         assert refusal(client.post(path, content=BVH), 403)
         assert refusal(client.post(path, content=BVH, headers={"origin": "null"}), 403)
@@ -356,7 +358,7 @@ def test_a_stranger_gets_no_connection(client: TestClient, headers: dict[str, st
 
 def test_a_connection_without_an_origin_is_refused() -> None:
     with (
-        TestClient(create_app(PORT, {}), base_url=f"http://127.0.0.1:{PORT}") as client,
+        TestClient(create_app(PORT, NOTHING), base_url=f"http://127.0.0.1:{PORT}") as client,
         pytest.raises(WebSocketDisconnect) as caught,
         client.websocket_connect("/api/socket", headers=HOST),
     ):
@@ -364,23 +366,25 @@ def test_a_connection_without_an_origin_is_refused() -> None:
     assert caught.value.code == 1008
 
 
-def test_a_connection_is_greeted(models: Sessions) -> None:
-    with served(sessions=models) as client, socket(client) as ws:
+def test_a_connection_is_greeted(models: Offer) -> None:
+    with served(offer=models) as client, socket(client) as ws:
         welcome = told(ws)
         assert isinstance(welcome, Welcome)
-        assert [one.method for one in welcome.methods] == ["dcmoe", "stitch", "interp"]
+        assert welcome.methods == models.methods
+        assert welcome.gallery is None
+        assert {"hips", "hands", "ground"} <= set(welcome.target_parts)
 
 
-def test_questions_are_answered(models: Sessions) -> None:
-    with served(sessions=models) as client:
+def test_questions_are_answered(models: Offer) -> None:
+    with served(offer=models) as client:
         rig, arrays = opened(client)
         with socket(client) as ws:
             told(ws)
             ws.send_bytes(mirror(rig.id))
             assert isinstance(told(ws), MirroredPose)
             keys = {"start": arrays["frames"][1:2], "target": arrays["frames"][2:3]}
-            message = {"gap": "g", "frames": 20, "method": "dcmoe", "path": {"kind": "auto"}, "variants": 2, "seed": 0}
-            ws.send_bytes(question("generate", rig.id, keys, **message))
+            settings = {"method": "dcmoe", "variants": 2}
+            ws.send_bytes(question("generate", rig.id, keys, gap="g", frames=20, settings=settings))
             header, made = messages.unpack(ws.receive_bytes(), SERVER_MESSAGE)
             assert isinstance(header, Candidates)
             assert made["frames"].shape == (2, 20, 91)

@@ -17,7 +17,7 @@ from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import EndStates
 from interpose.studio import gallery_paths
 from interpose.studio.gallery_paths import MOST_PATH_POINTS, POINT_SPACING, point_path
-from interpose.studio.methods import Sessions
+from interpose.studio.methods import Offer
 from interpose.studio.rigs import Clip
 
 
@@ -105,11 +105,11 @@ def found_of(styles: list[str | None], refuses: str | None) -> Callable[..., lis
 
 @pytest.mark.parametrize(("refuses", "asked"), [(None, ["Angry"]), ("Angry", ["Angry", None])])
 def test_a_way_tells_what_it_took_and_another_style_serves_where_its_own_leads_nowhere(
-    models: Sessions, clip: Clip, monkeypatch: pytest.MonkeyPatch, refuses: str | None, asked: list[str | None]
+    models: Offer, clip: Clip, monkeypatch: pytest.MonkeyPatch, refuses: str | None, asked: list[str | None]
 ) -> None:
     styles: list[str | None] = []
     monkeypatch.setattr(gallery_paths.proposals, "propose", found_of(styles, refuses))
-    gallery = models["dcmoe"].gallery
+    gallery = models.models[0].gallery
     (way,) = gallery_paths.find_paths(gallery, clip, clip.motion[:1], clip.motion[3:], 60, "Angry", 1, 0)
     assert styles == asked
     assert (way.frames, way.style, way.fit, way.composed) == (69, "Angry", 0.5, True)

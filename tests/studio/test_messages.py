@@ -177,10 +177,7 @@ GENERATE: dict[str, Any] = {
     "arrays": {},
     "gap": "g",
     "frames": 10,
-    "method": "dcmoe",
-    "path": {"kind": "auto"},
-    "variants": 1,
-    "seed": 0,
+    "settings": {"method": "dcmoe"},
 }
 
 
@@ -190,13 +187,14 @@ GENERATE: dict[str, Any] = {
         ({"frames": 0}, "frames is 0; it must be 1 or more"),
         ({"frames": 6001}, "frames is 6001; it must be 6000 or less"),
         ({"variants": 17}, "variants is 17; it must be 16 or less"),
-        ({"method": "magic"}, "method is 'magic'; it must be 'dcmoe', 'stitch' or 'interp'"),
-        ({"method": "m" * 500}, "method is 'mmm"),
+        ({"method": "m" * 500}, "settings.method is too long"),
+        ({"style_strength": 3.5}, "settings.style_strength is 3.5; it must be 3 or less"),
+        ({"path_control": -0.1}, "settings.path_control is -0.1; it must be 0 or more"),
         ({"seed": 2**31}, "seed is 2147483648; it must be 2147483647 or less"),
         ({"live": 1}, "live is 1; it must be true or false"),
         ({"style": 3}, "style is 3; it must be a string"),
         ({"gap": None}, "gap is null; it must be a string"),
-        ({"path": {"kind": "magic"}}, "path.kind must be one of auto, straight, none, waypoints"),
+        ({"path": {"kind": "magic"}}, "path.kind must be one of auto, gallery, straight, none, waypoints"),
         ({"path": {}}, "path.kind is missing"),
         ({"path": "auto"}, "path is 'auto'; it must be an object"),
         ({"path": {"kind": "waypoints", "points": []}}, "path.points is too short"),
@@ -217,15 +215,17 @@ GENERATE: dict[str, Any] = {
 )
 def test_fields_are_within_their_bounds_and_faults_are_named_with_their_place(fields: Any, expected: str) -> None:
     messages.unpack(envelope(GENERATE), CLIENT_MESSAGE)
-    assert expected in refused(envelope({**GENERATE, **fields}))
+    outer = {name: value for name, value in fields.items() if name in (*GENERATE, "live")}
+    inner = {name: value for name, value in fields.items() if name not in outer}
+    assert expected in refused(envelope(GENERATE | outer | {"settings": {"method": "dcmoe", **inner}}))
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_of_the_header_are_finite(number: str) -> None:
-    line = json.dumps({**GENERATE, "path": {"kind": "waypoints", "points": [[0, 7.5]]}}).replace("7.5", number)
-    assert "path.points[0][1]" in refused(envelope(line))
-    share = json.dumps({**GENERATE, "style": "A", "blend": {"style": "B", "share": 0.5}}).replace("0.5", number)
-    assert "blend.share is" in refused(envelope(share))
+    path, blend = {"kind": "waypoints", "points": [[0, 7.5]]}, {"style": "B", "share": 7.5}
+    for fields, place in (({"path": path}, "path.points[0][1]"), ({"blend": blend}, "blend.share is")):
+        text = json.dumps(GENERATE | {"settings": {"method": "dcmoe", **fields}}).replace("7.5", number)
+        assert place in refused(envelope(text))
 
 
 JSON = st.recursive(
@@ -248,7 +248,7 @@ def test_any_value_of_any_field_is_taken_or_refused_in_words(field: str, value: 
     except InputError as error:
         assert len(str(error)) < 300  # noqa: PT017
     else:
-        assert getattr(header, field) is not None or field == "style"
+        assert getattr(header, field) is not None
         assert sum(array.size for array in arrays.values()) * 4 == len(tail)
 
 

@@ -143,7 +143,7 @@ def test_keys_that_follow_one_another_have_no_frames_between_them() -> None:
         (project(key(0, motion=coded(ROW)), key(1)), "keys[0].motion has 4 frames, but the gap to the next key has 9"),
         (project(key(0, motion=coded(np.zeros((9, 91)))), key(1)), "keys[0].motion: the rotation of Hips in frame 0"),
         (project(key(0, after={})), "keys[0].after.method is missing"),
-        (project(key(0, after={"method": "x"})), "keys[0].after.method is 'x'; it must be"),
+        (project(key(0, after={"method": "x"})), "keys[0].after.method: unknown method 'x'; choose one of"),
         (project(key(0, after={"method": "dcmoe", "speed": "warp"})), "keys[0].after.speed is 'warp'; it must be"),
         (project(key(0, after={"method": "dcmoe", "variants": 0})), "keys[0].after.variants is 0; it must be 1 or"),
         (project(key(0, after={"method": "dcmoe", "chosen": 16})), "chosen is 16; it must be less than 16"),

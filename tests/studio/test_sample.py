@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from interpose.studio import projects
-from interpose.studio.methods import Sessions
+from interpose.studio.methods import Offer
 from interpose.studio.rigs import Clip, RigStore, identity
 from interpose.studio.sample import sample
 
@@ -22,7 +22,9 @@ def test_the_sample_is_a_project_like_any_other() -> None:
     np.testing.assert_allclose(low, 0.02, atol=2e-3)
 
 
-def test_its_styles_are_those_of_the_models(models: Sessions) -> None:
+def test_its_styles_are_those_of_the_models(models: Offer) -> None:
     for key in sample().keys:
         if key.after.style is not None:
-            assert key.after.style in models[key.after.method].styles
+            model = models.model_of(key.after.method, key.after.model)
+            assert model is not None
+            assert key.after.style in model.styles

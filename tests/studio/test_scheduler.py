@@ -32,10 +32,7 @@ def generate(number: int, gap: str = "g", live: bool = False, **fields: Any) -> 
         "arrays": {},
         "gap": gap,
         "frames": 10,
-        "method": "dcmoe",
-        "path": {"kind": "auto"},
-        "variants": 4,
-        "seed": 0,
+        "settings": {"method": "dcmoe"},
         "live": live,
         **fields,
     }

@@ -12,6 +12,7 @@ import pytest
 
 from interpose.errors import InputError
 from interpose.studio import serve
+from interpose.studio.methods import Offer
 from interpose.studio.protocol import Opened
 
 
@@ -101,7 +102,6 @@ def started(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(serve.uvicorn, "Server", Server)
-    monkeypatch.setattr(serve.methods, "load", dict)
     monkeypatch.setattr(serve.webbrowser, "open", lambda address: seen.setdefault("opened", address))
     monkeypatch.setenv("DISPLAY", ":0")
     return seen
@@ -110,7 +110,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 def test_the_address_is_printed_and_ctrl_c_is_no_fault(
     started: dict[str, Any], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert serve.serve(Opened(source=None, project=None), tmp_path, 0, browse=False) == 0
+    assert serve.serve(Opened(source=None, project=None), tmp_path, 0, browse=False, offer=Offer(models=())) == 0
     host, port = started["address"]
     expected = capsys.readouterr()
     assert f"The studio is running at http://{host}:{port} (press Ctrl+C to stop it)." in expected.err
@@ -148,6 +148,6 @@ def test_a_model_that_cannot_be_loaded_is_told(
     def fails(_: object) -> None:
         raise InputError("the model is broken")
 
-    monkeypatch.setattr(serve.methods, "warm", fails)
-    serve._warm({})
+    monkeypatch.setattr(serve, "warm", fails)
+    serve._warm(Offer(models=()))
     assert capsys.readouterr().err == "interpose: the model is broken\n"

@@ -24,16 +24,37 @@ export interface Generate {
   arrays: {
     [k: string]: number[];
   };
-  style: string | null;
-  blend: Blend | null;
+  settings: GapSettings;
   type: "generate";
   gap: string;
   frames: number;
-  method: "dcmoe" | "stitch" | "interp";
+  live: boolean;
+}
+/**
+ * The settings of a gap, as a project has them and as requests send them.
+ *
+ * method: a name of the registry of backends, or ``clip``, which keeps the source's own frames between the source
+ * frames of the two keys. model: None for the first one that serves the method. style_strength: 0 as good as no style,
+ * 1 as trained, up to 3 exaggerated. path_control: weight of the path against the predicted one. own_gallery: use the
+ * model's gallery even if the studio was started with another one. target_joints: the joints of the target to meet, as
+ * in `between --target-joints`; None for the whole pose. speed: set if the duration was chosen by speed. chosen: which
+ * candidate is shown. locked: nothing changes it.
+ */
+export interface GapSettings {
+  method: string;
+  model: string | null;
+  style: string | null;
+  blend: Blend | null;
+  style_strength: number;
   path: PathChoice | PointPath;
+  path_control: number;
+  own_gallery: boolean;
+  target_joints: string | null;
   variants: number;
   seed: number;
-  live: boolean;
+  speed: ("fast" | "medium" | "slow") | null;
+  chosen: number;
+  locked: boolean;
 }
 /**
  * A second style and its share of the blend.
@@ -43,10 +64,10 @@ export interface Blend {
   share: number;
 }
 /**
- * A path by name: matched from the gallery, straight, or unconstrained.
+ * A path by name: the best one, matched from the gallery, straight, or unconstrained.
  */
 export interface PathChoice {
-  kind: "auto" | "straight" | "none";
+  kind: "auto" | "gallery" | "straight" | "none";
 }
 /**
  * A path through points.
@@ -81,8 +102,7 @@ export interface SuggestDuration {
   arrays: {
     [k: string]: number[];
   };
-  style: string | null;
-  blend: Blend | null;
+  settings: GapSettings;
   type: "suggest";
 }
 /**
@@ -94,12 +114,10 @@ export interface FindPaths {
   arrays: {
     [k: string]: number[];
   };
-  style: string | null;
-  blend: Blend | null;
+  settings: GapSettings;
   type: "paths";
   frames: number;
   count: number;
-  seed: number;
 }
 /**
  * Swaps left and right of a pose about its own facing. arrays: ``pose`` (1, row). Answer: `mirrored`.
@@ -125,28 +143,45 @@ export interface Library {
 }
 /**
  * The first message of every connection.
+ *
+ * methods: each method with each model that serves it, the default ones first. gallery: the name of the gallery that
+ * the studio was started with. target_parts: names for a gap's ``target_joints``.
  */
 export interface Welcome {
   type: "welcome";
   version: string;
   methods: MethodInfo[];
+  gallery: string | null;
+  target_parts: string[];
   arrays: {
     [k: string]: number[];
   };
 }
 /**
- * A method. styles: of its model, none for interpolation. paths: whether it follows them.
+ * A method with a model that serves it, and what the two can do (`interpose.runtime.backends.backend.Abilities`).
+ *
+ * summary: one phrase. model: None if it needs none. styles: of the model. paths: whether the root can follow a path.
+ * gallery: whether the model has its own. partial_targets: whether a network completes targets given in part.
+ * variants: whether candidates differ. longest_seconds: of a gap. any_rig: also serves rigs that are not humanoid.
  */
 export interface MethodInfo {
-  method: "dcmoe" | "stitch" | "interp";
+  method: string;
+  summary: string;
   model: string | null;
   licence: string | null;
   styles: string[];
   paths: boolean;
+  gallery: boolean;
+  partial_targets: boolean;
+  variants: boolean;
+  longest_seconds: number | null;
+  any_rig: boolean;
 }
 /**
- * The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: time
- * that the server took.
+ * The answer to `generate`, best first. seconds: time that the server took.
+ *
+ * arrays: ``frames`` (candidate, frame, row), without the keys. If only some joints of the target were given, also
+ * ``targets`` (candidate, row), the complete poses that the candidates lead to.
  */
 export interface Candidates {
   type: "candidates";
@@ -162,12 +197,13 @@ export interface Candidates {
 /**
  * What is known about one candidate.
  *
- * style: of this variant. trajectory: the source of its path (matched, composed, drawn, straight, model), or None.
- * foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could not be served, and what was used
- * instead.
+ * method, model: that generated it. style: of this variant. trajectory: the source of its path (matched, composed,
+ * drawn, straight, model), or None. foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could
+ * not be served, and what was used instead.
  */
 export interface CandidateInfo {
-  method: "dcmoe" | "stitch" | "interp";
+  method: string;
+  model: string | null;
   style: string | null;
   trajectory: string | null;
   foot_slide: number | null;
@@ -353,21 +389,4 @@ export interface ProjectKey {
   source: number | null;
   after: GapSettings;
   motion: string | null;
-}
-/**
- * The settings of the gap after a key.
- *
- * method: ``clip`` keeps the source's own frames between the source frames of the two keys. speed: set if the duration
- * was chosen by speed. chosen: which candidate is shown. locked: nothing changes it.
- */
-export interface GapSettings {
-  method: "clip" | ("dcmoe" | "stitch" | "interp");
-  style: string | null;
-  blend: Blend | null;
-  path: PathChoice | PointPath;
-  variants: number;
-  seed: number;
-  speed: ("fast" | "medium" | "slow") | null;
-  chosen: number;
-  locked: boolean;
 }

@@ -14,15 +14,16 @@ import type { History } from "./document/history";
 import { begin, change, redo, seal, undo } from "./document/history";
 import type { GapState, Result } from "./engine/generator";
 import { Generator } from "./engine/generator";
+import type { Shown } from "./engine/motion";
 import { poseBetween, rowsBetween, sourceAt } from "./engine/motion";
+import { infoOf } from "./document/methods";
 import { Notices } from "./app/notices.svelte";
-import type { GapSettings, MethodInfo } from "./protocol";
-import { groundOf } from "./pose/place";
+import type { GapSettings, Welcome } from "./protocol";
 import type { Pose, Rig } from "./rig";
 import { openRig } from "./server/api";
 import type { State as ConnectionState } from "./server/connection";
 import { Connection, Unanswered } from "./server/connection";
-import type { DrawnPathView, Phase, Tool, View } from "./viewport/types";
+import type { Phase, Tool, View } from "./viewport/types";
 
 /** Delay after a live change before all candidates are requested. */
 const SETTLE_MS = 120;
@@ -36,7 +37,8 @@ export class Studio {
   /** The document as last saved to a file. */
   written = $state.raw<Document | null>(null);
 
-  methods = $state.raw<readonly MethodInfo[]>([]);
+  /** The methods that the server offers, with their models. */
+  welcome = $state.raw<Pick<Welcome, "methods" | "gallery" | "target_parts">>({ methods: [], gallery: null, target_parts: [] });
   connection = $state<ConnectionState>("connecting");
   readonly notices = new Notices();
   readonly answers = new Answers(this);
@@ -64,7 +66,7 @@ export class Studio {
     );
     this.socket = new Connection(url, {
       state: (state, reason) => this.connected(state, reason),
-      welcome: ({ methods }) => (this.methods = methods),
+      welcome: (welcome) => (this.welcome = welcome),
     });
   }
 
@@ -189,7 +191,7 @@ export class Studio {
     if (!gap || gap.settings.method === "clip") return;
     const result = this.generator.result(gap.id);
     if (result?.partial && !gap.settings.locked) this.retry(gap.id);
-    if (gap.settings.method !== "interp") void this.answers.suggest(gap);
+    if (infoOf(gap.settings, this.welcome.methods)?.paths) void this.answers.suggest(gap);
   }
 
   // ---- keys
@@ -257,7 +259,7 @@ export class Studio {
     const gap = this.document && gapOf(this.document, id);
     if (!gap || !this.document) return;
     if (gap.settings.locked) this.setGap(id, { locked: false }, "Unlock");
-    else if (this.state(gap) === "ready") this.apply(commands.lockGap(this.document, id, this.rows(gap)), "Lock");
+    else if (this.state(gap) === "ready") this.apply(commands.lockGap(this.document, id, this.rows(gap), this.poseOf(gap.right)), "Lock");
   }
 
   /** Generates other candidates, with the next seed. */
@@ -269,38 +271,6 @@ export class Studio {
   retry(id: string): void {
     this.generator.refresh(id);
     this.revision++;
-  }
-
-  pickPath(index: number): void {
-    const gap = this.selectedGap;
-    const path = this.answers.paths?.found[index];
-    if (gap && path) this.setGap(gap.id, { path: path.path }, "Choose a path");
-  }
-
-  /** Changes the control points of the selected gap's drawn path. */
-  changeDrawnPath(points: readonly (readonly [number, number])[], phase: Phase): void {
-    const gap = this.selectedGap;
-    if (!gap) return;
-    const path: GapSettings["path"] =
-      points.length === 0
-        ? { kind: "auto" }
-        : { kind: "waypoints", points: points.map(([x, z]) => [x, z]), times: null, facing: null, drawn: true };
-    this.setGap(gap.id, { path }, "Draw a path", `path:${gap.id}`);
-    if (phase === "end") this.release();
-  }
-
-  /** The places on the ground where the selected gap starts and ends. */
-  get ends(): { readonly from: [number, number]; readonly to: [number, number] } | null {
-    const gap = this.selectedGap;
-    const { rig } = this;
-    return gap && rig && { from: groundOf(rig, gap.left.pose), to: groundOf(rig, gap.right.pose) };
-  }
-
-  get drawnPath(): DrawnPathView | null {
-    const gap = this.selectedGap;
-    const path = gap?.settings.path;
-    if (!gap || path?.kind !== "waypoints" || !path.drawn) return null;
-    return { ...(this.ends as { from: [number, number]; to: [number, number] }), points: path.points };
   }
 
   // ---- what was generated
@@ -325,6 +295,15 @@ export class Studio {
     return this.generator.rows(gap);
   }
 
+  /** The pose of a key as shown; completed, if only some joints of it were given. */
+  poseOf(key: Key): Pose {
+    void this.revision;
+    return this.generator.pose(key);
+  }
+
+  /** What is shown, for `engine/motion`. */
+  readonly shown: Shown = { rows: (gap) => this.rows(gap), pose: (key) => this.poseOf(key) };
+
   /** Whether every gap is generated, or has failed. */
   get settled(): boolean {
     void this.revision;
@@ -334,11 +313,11 @@ export class Studio {
   /** The pose at the playhead. */
   get pose(): Pose | null {
     const { document, rig } = this;
-    return document && rig && poseBetween(document, (gap) => this.rows(gap), this.playback.time, rig.joints.length);
+    return document && rig && poseBetween(document, this.shown, this.playback.time, rig.joints.length);
   }
 
   rowsBetween(first: number, last: number): Float32Array {
-    return rowsBetween(this.document as Document, (gap) => this.rows(gap), first, last);
+    return rowsBetween(this.document as Document, this.shown, first, last);
   }
 
   gapAt(frame: number): Gap | null {

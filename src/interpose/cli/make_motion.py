@@ -103,6 +103,7 @@ def studio(
     clip: Annotated[Positional[str | None], unset("[CLIP]")] = None,
     /,
     port: Annotated[int | None, unset("P")] = None,
+    gallery: Annotated[str | None, unset("DIR")] = None,
     no_browser: bool = False,
 ) -> int:
     """Open the studio, the authoring tool, in the browser: keys, gaps, styles and paths. Ctrl+C stops it.
@@ -112,11 +113,12 @@ def studio(
     Args:
         clip: A motion file or a project (.interpose) to open; where left out, what was open last, or a sample scene.
         port: The port to listen on; 8360, or the next that is free, where left out.
+        gallery: A gallery from `interpose gallery build` to match paths from; the models' own where left out.
         no_browser: Only print the address.
     """
     from interpose.cli import studio as opening
 
-    return opening.studio(clip, port, no_browser)
+    return opening.studio(clip, port, no_browser, gallery)
 
 
 def gallery(argument: Annotated[Positional[str], arg(metavar="build|query|plot|generate")], /) -> int:

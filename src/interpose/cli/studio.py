@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from interpose import io
+from interpose.cli.gallery import gallery_of
 from interpose.errors import InputError
 from interpose.io.files import encoding_of, read_whole
 from interpose.studio import front, projects
+from interpose.studio.methods import Offer
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, SourceFile
 from interpose.studio.rigs import RigStore
 from interpose.studio.serve import serve
@@ -15,9 +17,10 @@ from interpose.studio.serve import serve
 SUFFIXES = (".bvh", ".interpose")
 
 
-def studio(clip: str | None, port: int | None, no_browser: bool) -> int:
+def studio(clip: str | None, port: int | None, no_browser: bool, gallery: str | None = None) -> int:
     opened = read(clip)
-    return serve(opened, front.find(), port, browse=not no_browser)
+    offer = Offer(gallery=None if gallery is None else gallery_of(gallery), gallery_name=gallery and Path(gallery).name)
+    return serve(opened, front.find(), port, browse=not no_browser, offer=offer)
 
 
 def read(clip: str | None) -> Opened:

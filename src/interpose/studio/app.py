@@ -18,10 +18,11 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from interpose.errors import InputError
+from interpose.parts import GROUND, GROUPS
 from interpose.studio import messages, projects, rigs
 from interpose.studio.export import EXPORT, export
 from interpose.studio.handlers import answer
-from interpose.studio.methods import Sessions, offered
+from interpose.studio.methods import Offer
 from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
 from interpose.studio.rigs import RigStore, UnknownRig
 from interpose.studio.sample import sample
@@ -42,7 +43,7 @@ DISCARDED = 8 * LARGEST_UPLOAD
 
 def create_app(
     port: int,
-    sessions: Sessions,
+    offer: Offer,
     *,
     front: Path | None = None,
     opened: Opened | None = None,
@@ -56,8 +57,17 @@ def create_app(
     """
     kept = RigStore() if store is None else store
     named = Opened(source=None, project=None) if opened is None else opened
-    pool = WorkerPool(partial(answer, store=kept, sessions=sessions) if serve is None else serve)
-    welcome = messages.pack(Welcome(type="welcome", version=version("interpose"), methods=offered(sessions)), {})
+    pool = WorkerPool(partial(answer, store=kept, offer=offer) if serve is None else serve)
+    welcome = messages.pack(
+        Welcome(
+            type="welcome",
+            version=version("interpose"),
+            methods=offer.methods,
+            gallery=offer.gallery_name,
+            target_parts=[*GROUPS, GROUND],
+        ),
+        {},
+    )
     heavy = asyncio.Semaphore(FILE_THREADS)
     connections: set[WebSocket] = set()
 

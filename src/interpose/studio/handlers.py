@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy import ndarray
 
+from interpose import parts
 from interpose.drawn_path import path_file
 from interpose.drawn_path.path_file import SAME_POINT, PathFile
 from interpose.errors import InputError
@@ -21,7 +22,7 @@ from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.runtime.style_blend import leading
 from interpose.studio import gallery_paths, pose_library, pose_rows
 from interpose.studio.messages import shapes
-from interpose.studio.methods import Sessions, session_of
+from interpose.studio.methods import Offer
 from interpose.studio.protocol import (
     CandidateInfo,
     Candidates,
@@ -30,12 +31,13 @@ from interpose.studio.protocol import (
     FindPaths,
     GalleryPath,
     GalleryPaths,
-    GapMessage,
+    GapSettings,
     Generate,
     Library,
     LibraryPoses,
     Mirror,
     MirroredPose,
+    PathChoice,
     PointPath,
     ServerMessage,
     SuggestDuration,
@@ -47,18 +49,18 @@ Arrays = Mapping[str, ndarray]
 Answer = tuple[ServerMessage, dict[str, ndarray]]
 
 
-def answer(message: ClientMessage, arrays: Arrays, store: RigStore, sessions: Sessions) -> Answer:
+def answer(message: ClientMessage, arrays: Arrays, store: RigStore, offer: Offer) -> Answer:
     """The answer to any message but `cancel`.
 
     Raises InputError if the request cannot be served, and `rigs.UnknownRig` if the store does not have the rig.
     """
     match message:
         case Generate():
-            return generate(message, arrays, store.get(message.rig), sessions)
+            return generate(message, arrays, store.get(message.rig), offer)
         case SuggestDuration():
-            return suggest(message, arrays, store.get(message.rig), sessions)
+            return suggest(message, arrays, store.get(message.rig), offer)
         case FindPaths():
-            return find_paths(message, arrays, store.get(message.rig), sessions)
+            return find_paths(message, arrays, store.get(message.rig), offer)
         case Mirror():
             return mirror(message, arrays, store.get(message.rig))
         case Library():
@@ -67,22 +69,19 @@ def answer(message: ClientMessage, arrays: Arrays, store: RigStore, sessions: Se
             raise InputError(f"'{message.type}' has no answer")
 
 
-def generate(message: Generate, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
-    """Candidates for a gap, best first. Interpolation has no variants, so it gives one candidate."""
+def generate(message: Generate, arrays: Arrays, clip: Clip, offer: Offer) -> Answer:
+    """Candidates for a gap, best first. Methods without variants, such as interpolation, give one."""
     began = time.perf_counter()
     start, target = _ends(arrays, clip)
-    single = message.live or message.method == "interp"
-    candidates = inbetween.inbetween(
-        start,
-        target,
-        message.frames,
-        _request(message, sessions),
-        variants=1 if single else message.variants,
-        mapping=clip.mapping,
-    )
+    request = _request(message.settings, offer)
+    variants = 1 if message.live or not request.abilities.variants else message.settings.variants
+    candidates = inbetween.inbetween(start, target, message.frames, request, variants=variants, mapping=clip.mapping)
     if all(candidate.info.trajectory is None for candidate in candidates):
         candidates = candidates[:1]
     out = {"frames": np.stack([pose_rows.of_motion(candidate.motion) for candidate in candidates])}
+    targets = [candidate.target for candidate in candidates if candidate.target is not None]
+    if targets:
+        out["targets"] = np.concatenate([pose_rows.of_motion(pose) for pose in targets])
     header = Candidates(
         type="candidates",
         id=message.id,
@@ -95,25 +94,25 @@ def generate(message: Generate, arrays: Arrays, clip: Clip, sessions: Sessions) 
     return header, out
 
 
-def suggest(message: SuggestDuration, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
+def suggest(message: SuggestDuration, arrays: Arrays, clip: Clip, offer: Offer) -> Answer:
     """The suggested duration of a gap, and alternatives."""
     start, target = _ends(arrays, clip)
-    request = Request("dcmoe", session_of(sessions, "dcmoe"), style_of(message))
-    found = inbetween.suggest(start, target, request, mapping=clip.mapping)
+    found = inbetween.suggest(start, target, _unconstrained(message.settings, offer), mapping=clip.mapping)
     options = [DurationOption.model_validate(vars(each)) for each in found.alternatives]
     return SuggestedDurations(type="suggested", id=message.id, frames=found.frames, alternatives=options), {}
 
 
-def find_paths(message: FindPaths, arrays: Arrays, clip: Clip, sessions: Sessions) -> Answer:
+def find_paths(message: FindPaths, arrays: Arrays, clip: Clip, offer: Offer) -> Answer:
     """The trajectories of the gallery that fit a gap, or why there are none."""
     start, target = _ends(arrays, clip)
     goal = aligned(start, target)[1]
-    gallery = session_of(sessions, "dcmoe").gallery
-    style = leading(style_of(message))
+    request = _unconstrained(message.settings, offer)
     found: list[GalleryPath] = []
     reason = None
     try:
-        found = gallery_paths.find_paths(gallery, clip, start, goal, message.frames, style, message.count, message.seed)
+        found = gallery_paths.find_paths(
+            request.trajectories, clip, start, goal, message.frames, leading(request.style), message.count, request.seed
+        )
     except InputError as error:
         reason = str(error)
     return GalleryPaths(type="gallery-paths", id=message.id, paths=found, reason=reason), {}
@@ -134,25 +133,41 @@ def library(message: Library, arrays: Arrays, clip: Clip) -> Answer:
     return LibraryPoses(type="library", id=message.id, names=list(pose_library.POSES), arrays=shapes(rows)), rows
 
 
-def style_of(message: GapMessage) -> str | None:
+def style_of(settings: GapSettings) -> str | None:
     """The style as `Request` expects it: a name, or two with their shares, as in ``A:0.7+B:0.3``."""
-    if message.blend is None or message.blend.share == 0.0:
-        return message.style
-    if message.style is None:
-        raise InputError(f"a blend with style '{message.blend.style}' needs a first style; choose one")
-    if message.blend.share == 1.0 or message.blend.style == message.style:
-        return message.blend.style
-    share = round(message.blend.share, 4)
-    return f"{message.style}:{1.0 - share:.4g}+{message.blend.style}:{share:.4g}"
+    style, blend = settings.style, settings.blend
+    if blend is None or blend.share == 0.0:
+        return style
+    if style is None:
+        raise InputError(f"a blend with style '{blend.style}' needs a first style; choose one")
+    if blend.share == 1.0 or blend.style == style:
+        return blend.style
+    share = round(blend.share, 4)
+    return f"{style}:{1.0 - share:.4g}+{blend.style}:{share:.4g}"
 
 
-def _request(message: Generate, sessions: Sessions) -> Request:
-    if message.method == "interp":
-        return Request("interp", seed=message.seed)
-    session, style = session_of(sessions, message.method), style_of(message)
-    if isinstance(message.path, PointPath):
-        return Request(message.method, session, style, path="drawn", drawn=_path_file(message.path), seed=message.seed)
-    return Request(message.method, session, style, path=message.path.kind, seed=message.seed)
+def _request(settings: GapSettings, offer: Offer) -> Request:
+    """The settings as a request of the runtime."""
+    path = "drawn" if isinstance(settings.path, PointPath) else settings.path.kind
+    model = offer.model_of(settings.method, settings.model)
+    matched = path in ("auto", "gallery") and model is not None and not settings.own_gallery
+    return Request(
+        settings.method,
+        model,
+        style_of(settings),
+        settings.style_strength,
+        path,
+        settings.path_control,
+        drawn=_path_file(settings.path) if isinstance(settings.path, PointPath) else None,
+        gallery=offer.gallery if matched else None,
+        seed=settings.seed,
+        parts=None if settings.target_joints is None else parts.parse(settings.target_joints),
+    )
+
+
+def _unconstrained(settings: GapSettings, offer: Offer) -> Request:
+    """The same without a path of its own, to search the gallery for one."""
+    return _request(settings.model_copy(update={"path": PathChoice(kind="auto")}), offer)
 
 
 def _path_file(path: PointPath) -> PathFile:
@@ -187,7 +202,8 @@ def _named(arrays: Arrays, *names: str) -> list[ndarray]:
 
 def _candidate_info(info: Info) -> CandidateInfo:
     return CandidateInfo(
-        method="interp" if info.method == "interp" else "stitch" if info.method.startswith("stitch") else "dcmoe",
+        method=info.method,
+        model=info.model,
         style=info.style,
         trajectory=info.trajectory,
         foot_slide=info.foot_slide_cm_per_frame,

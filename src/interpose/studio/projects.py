@@ -10,7 +10,9 @@ import numpy as np
 from numpy import ndarray
 from pydantic import ValidationError
 
+from interpose import parts
 from interpose.errors import InputError
+from interpose.runtime.methods import backend_of
 from interpose.studio import pose_rows
 from interpose.studio.protocol import GapSettings, PointPath, Project, ProjectKey
 from interpose.studio.rigs import Clip, RigStore
@@ -88,6 +90,12 @@ def _check_cut(key: ProjectKey, after: ProjectKey, place: str) -> None:
 
 
 def _check_gap(gap: GapSettings, place: str) -> None:
+    for name, value, check in (("method", gap.method, backend_of), ("target_joints", gap.target_joints, parts.parse)):
+        try:
+            if value not in (None, "clip"):
+                check(value)
+        except InputError as error:
+            raise InputError(f"{place}.{name}: {error}") from None
     if gap.blend is not None and gap.style is None:
         raise InputError(f"{place}.blend needs a style to blend with; give style too")
     if isinstance(gap.path, PointPath):

@@ -29,6 +29,8 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
+from interpose.runtime.request import MAX_STYLE_STRENGTH
+
 LARGEST_UPLOAD = 64 * 1024 * 1024
 """Largest file, project or export in bytes."""
 LARGEST_MESSAGE = 4 * 1024 * 1024
@@ -48,7 +50,6 @@ Label = Annotated[str, Field(min_length=1, max_length=120)]
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
 Frame = Annotated[int, Field(ge=0, le=1_000_000)]
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1)]
-Method = Literal["dcmoe", "stitch", "interp"]
 Speed = Literal["fast", "medium", "slow"]
 Shape = Annotated[list[Annotated[int, Field(ge=0, le=2**31 - 1)]], Field(max_length=4)]
 RequestId = Annotated[int, Field(ge=0, le=2**53 - 1)]
@@ -62,9 +63,9 @@ class ProtocolModel(BaseModel):
 
 
 class PathChoice(ProtocolModel):
-    """A path by name: matched from the gallery, straight, or unconstrained."""
+    """A path by name: the best one, matched from the gallery, straight, or unconstrained."""
 
-    kind: Literal["auto", "straight", "none"]
+    kind: Literal["auto", "gallery", "straight", "none"]
 
 
 class PointPath(ProtocolModel):
@@ -92,6 +93,33 @@ class Blend(ProtocolModel):
     share: Annotated[float, Field(ge=0.0, le=1.0)]
 
 
+class GapSettings(ProtocolModel):
+    """The settings of a gap, as a project has them and as requests send them.
+
+    method: a name of the registry of backends, or ``clip``, which keeps the source's own frames between the source
+    frames of the two keys. model: None for the first one that serves the method. style_strength: 0 as good as no style,
+    1 as trained, up to 3 exaggerated. path_control: weight of the path against the predicted one. own_gallery: use the
+    model's gallery even if the studio was started with another one. target_joints: the joints of the target to meet, as
+    in `between --target-joints`; None for the whole pose. speed: set if the duration was chosen by speed. chosen: which
+    candidate is shown. locked: nothing changes it.
+    """
+
+    method: Label
+    model: Label | None = None
+    style: Label | None = None
+    blend: Blend | None = None
+    style_strength: Annotated[float, Field(ge=0.0, le=MAX_STYLE_STRENGTH)] = 1.0
+    path: Path = PathChoice(kind="auto")
+    path_control: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    own_gallery: bool = False
+    target_joints: Annotated[str, Field(min_length=1, max_length=400)] | None = None
+    variants: Annotated[int, Field(ge=1, le=MOST_VARIANTS)] = 4
+    seed: Seed = 0
+    speed: Speed | None = None
+    chosen: Annotated[int, Field(ge=0, lt=MOST_VARIANTS)] = 0
+    locked: bool = False
+
+
 class GapMessage(ProtocolModel):
     """Base of the requests about a gap.
 
@@ -102,8 +130,7 @@ class GapMessage(ProtocolModel):
     id: RequestId
     rig: Id
     arrays: dict[str, Shape]
-    style: Label | None = None
-    blend: Blend | None = None
+    settings: GapSettings
 
 
 class Generate(GapMessage):
@@ -112,10 +139,6 @@ class Generate(GapMessage):
     type: Literal["generate"]
     gap: Id
     frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)]
-    method: Method
-    path: Path
-    variants: Annotated[int, Field(ge=1, le=MOST_VARIANTS)]
-    seed: Seed
     live: bool = False
 
 
@@ -139,7 +162,6 @@ class FindPaths(GapMessage):
     type: Literal["paths"]
     frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)]
     count: Annotated[int, Field(ge=1, le=12)]
-    seed: Seed
 
 
 class Mirror(ProtocolModel):
@@ -166,33 +188,51 @@ ClientMessage = Annotated[
 
 
 class MethodInfo(ProtocolModel):
-    """A method. styles: of its model, none for interpolation. paths: whether it follows them."""
+    """A method with a model that serves it, and what the two can do (`interpose.runtime.backends.backend.Abilities`).
 
-    method: Method
+    summary: one phrase. model: None if it needs none. styles: of the model. paths: whether the root can follow a path.
+    gallery: whether the model has its own. partial_targets: whether a network completes targets given in part.
+    variants: whether candidates differ. longest_seconds: of a gap. any_rig: also serves rigs that are not humanoid.
+    """
+
+    method: str
+    summary: str
     model: str | None
     licence: str | None
     styles: list[str]
     paths: bool
+    gallery: bool
+    partial_targets: bool
+    variants: bool
+    longest_seconds: float | None
+    any_rig: bool
 
 
 class Welcome(ProtocolModel):
-    """The first message of every connection."""
+    """The first message of every connection.
+
+    methods: each method with each model that serves it, the default ones first. gallery: the name of the gallery that
+    the studio was started with. target_parts: names for a gap's ``target_joints``.
+    """
 
     type: Literal["welcome"]
     version: str
     methods: list[MethodInfo]
+    gallery: str | None
+    target_parts: list[str]
     arrays: dict[str, Shape] = {}
 
 
 class CandidateInfo(ProtocolModel):
     """What is known about one candidate.
 
-    style: of this variant. trajectory: the source of its path (matched, composed, drawn, straight, model), or None.
-    foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could not be served, and what was used
-    instead.
+    method, model: that generated it. style: of this variant. trajectory: the source of its path (matched, composed,
+    drawn, straight, model), or None. foot_slide: cm per frame, None if the rig's feet are unknown. fallback: what could
+    not be served, and what was used instead.
     """
 
-    method: Method
+    method: str
+    model: str | None
     style: str | None
     trajectory: str | None
     foot_slide: float | None
@@ -202,8 +242,11 @@ class CandidateInfo(ProtocolModel):
 
 
 class Candidates(ProtocolModel):
-    """The answer to `generate`, best first. arrays: ``frames`` (candidate, frame, row), without the keys. seconds: time
-    that the server took."""
+    """The answer to `generate`, best first. seconds: time that the server took.
+
+    arrays: ``frames`` (candidate, frame, row), without the keys. If only some joints of the target were given, also
+    ``targets`` (candidate, row), the complete poses that the candidates lead to.
+    """
 
     type: Literal["candidates"]
     id: RequestId
@@ -352,24 +395,6 @@ class SourceFile(ProtocolModel):
 
     name: Label
     text: str
-
-
-class GapSettings(ProtocolModel):
-    """The settings of the gap after a key.
-
-    method: ``clip`` keeps the source's own frames between the source frames of the two keys. speed: set if the duration
-    was chosen by speed. chosen: which candidate is shown. locked: nothing changes it.
-    """
-
-    method: Literal["clip"] | Method
-    style: Label | None = None
-    blend: Blend | None = None
-    path: Path = PathChoice(kind="auto")
-    variants: Annotated[int, Field(ge=1, le=MOST_VARIANTS)] = 4
-    seed: Seed = 0
-    speed: Speed | None = None
-    chosen: Annotated[int, Field(ge=0, lt=MOST_VARIANTS)] = 0
-    locked: bool = False
 
 
 class ProjectKey(ProtocolModel):

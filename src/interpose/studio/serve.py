@@ -13,8 +13,8 @@ from pathlib import Path
 import uvicorn
 
 from interpose.errors import InputError
-from interpose.studio import methods
 from interpose.studio.app import create_app
+from interpose.studio.methods import Offer, warm
 from interpose.studio.protocol import LARGEST_MESSAGE, Opened
 
 PORT = 8360
@@ -23,15 +23,14 @@ PORTS_TRIED = 20
 _LOOPBACK = "127.0.0.1"
 
 
-def serve(opened: Opened, front: Path | None, port: int | None, browse: bool) -> int:
+def serve(opened: Opened, front: Path | None, port: int | None, browse: bool, offer: Offer) -> int:
     """Serves until interrupted and returns the exit status. Raises InputError if the port is not available."""
     listening = listen(port)
     number = listening.getsockname()[1]
-    sessions = methods.load()
-    app = create_app(number, sessions, front=front, opened=opened)
+    app = create_app(number, offer, front=front, opened=opened)
     address = f"http://{_LOOPBACK}:{number}"
     print(f"The studio is running at {address} (press Ctrl+C to stop it).", file=sys.stderr, flush=True)
-    threading.Thread(target=_warm, args=(sessions,), daemon=True).start()
+    threading.Thread(target=_warm, args=(offer,), daemon=True).start()
     if browse:
         threading.Thread(target=_browse, args=(address,), daemon=True).start()
     config = uvicorn.Config(
@@ -82,9 +81,9 @@ def _listening(port: int) -> socket.socket:
     return made
 
 
-def _warm(sessions: methods.Sessions) -> None:
+def _warm(offer: Offer) -> None:
     try:
-        methods.warm(sessions)
+        warm(offer)
     except InputError as error:
         print(f"interpose: {error}", file=sys.stderr, flush=True)
 

@@ -76,7 +76,7 @@ export async function exportMotion(studio: Studio, format: "bvh" | "glb"): Promi
     if (!document || !rig) return false;
     const failed = studio.gaps().find((gap) => studio.state(gap) === "failed");
     if (failed) throw new Error(`the gap at ${failed.left.frame} could not be generated: ${studio.failure(failed.id)}`);
-    const { rows, own } = wholeMotion(document, (gap) => studio.rows(gap));
+    const { rows, own } = wholeMotion(document, studio.shown);
     const arrays = { frames: { shape: [rows.length / rig.stride, rig.stride], values: rows } };
     const what = { rig: rig.id, format, rows: own };
     let blob: Blob;

@@ -105,18 +105,19 @@ export function setGap(document: Document, id: string, changes: Partial<GapSetti
   const keys = document.keys.map((key) => {
     if (key.id !== id) return key;
     const after = { ...key.after, ...fresh, ...changes };
-    if (after.method === "interp") Object.assign(after, { style: null, blend: null, path: { kind: "auto" } });
     return { ...key, after, kept: after.locked ? key.kept : null };
   });
   return settled(document, keys);
 }
 
-/** Locks the gap after a key, with `rows` as its frames. */
-export function lockGap(document: Document, id: string, rows: Float32Array): Document {
-  const keys = document.keys.map((key) =>
+/** Locks the gap after a key, with `rows` as its frames. `target`: the pose of its right key, if it was completed. */
+export function lockGap(document: Document, id: string, rows: Float32Array, target: Pose | null = null): Document {
+  const right = document.keys[document.keys.findIndex((key) => key.id === id) + 1];
+  const reached = right && target && right.pose !== target ? setPose(document, right.id, target) : document;
+  const keys = reached.keys.map((key) =>
     key.id === id ? { ...key, after: { ...key.after, locked: true }, kept: rows.slice() } : key,
   );
-  return { ...document, keys };
+  return { ...reached, keys };
 }
 
 /** Copied poses, their distances in frames, and the settings of their gaps. */

@@ -38,9 +38,14 @@ export interface Gap {
 
 export const DEFAULT_SETTINGS: GapSettings = {
   method: "dcmoe",
+  model: null,
   style: null,
   blend: null,
+  style_strength: 1,
   path: { kind: "auto" },
+  path_control: 1,
+  own_gallery: false,
+  target_joints: null,
   variants: 4,
   seed: 1,
   speed: null,

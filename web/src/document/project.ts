@@ -12,7 +12,9 @@ export function toProject(document: Document, motion: (key: Key) => Float32Array
     name: document.name,
     source: document.source,
     keys: document.keys.map((key): ProjectKey => {
-      const shown = key.after.method === "clip" ? null : (key.kept ?? motion(key));
+      // The completed pose of a partial target is not stored, so such a gap is generated again.
+      const isStored = key.after.method !== "clip" && key.after.target_joints === null;
+      const shown = key.kept ?? (isStored ? motion(key) : null);
       return {
         id: key.id,
         frame: key.frame,

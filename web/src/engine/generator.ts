@@ -7,10 +7,11 @@
  * a while, so that undo shows them at once.
  */
 
-import type { Document, Gap } from "../document/document";
+import type { Document, Gap, Key } from "../document/document";
 import { gapOf, gapsOf, LONGEST_GAP } from "../document/document";
-import type { CandidateInfo, Candidates, Dropped, GapSettings, Generate } from "../protocol";
+import type { CandidateInfo, Candidates, Dropped, GapSettings } from "../protocol";
 import type { Pose, Rig } from "../rig";
+import { row } from "../rig";
 import type { Answer, Query } from "../server/connection";
 import type { Arrays } from "../server/messages";
 import { alike, between, stretched } from "./poses";
@@ -19,6 +20,8 @@ export interface Candidate {
   /** The gap's frames as rows, without the keys. */
   readonly rows: Float32Array;
   readonly info: CandidateInfo | null;
+  /** The completed pose of the right key, if only some joints of it were given. */
+  readonly target: Pose | null;
 }
 
 export interface Result {
@@ -78,7 +81,7 @@ export class Generator {
     for (const gap of gapsOf(document)) {
       const rows = shown.get(gap.id);
       if (!rows || rows.length !== gap.frames * rig.stride || !isGenerated(gap)) continue;
-      const result = { candidates: [{ rows, info: null }], partial: true, seconds: 0 };
+      const result = { candidates: [{ rows, info: null, target: null }], partial: true, seconds: 0 };
       this.entries.set(gap.id, { ...this.entry(gap.id), inputs: this.inputs(gap), result });
     }
   }
@@ -160,7 +163,7 @@ export class Generator {
     if (gap.settings.locked && gap.left.kept) return gap.left.kept;
     const entry = this.entry(gap.id);
     const { left, right, frames, settings } = gap;
-    if (!entry.result) return between(left.pose, right.pose, frames, rig.joints.length);
+    if (!entry.result) return between(this.pose(left), right.pose, frames, rig.joints.length);
     const { candidates } = entry.result;
     const { rows } = candidates[Math.min(settings.chosen, candidates.length - 1)];
     if (rows.length === frames * stride) return rows;
@@ -168,6 +171,21 @@ export class Generator {
       entry.fitted = { rows, count: frames, made: stretched(rows, stride, frames, rig.joints.length) };
     }
     return entry.fitted.made;
+  }
+
+  /** The pose of a key as shown: completed, if only some joints of it were given to the gap before it. */
+  pose(key: Key): Pose {
+    const index = this.document?.keys.indexOf(key) ?? -1;
+    const gap = index > 0 ? this.gap(this.document!.keys[index - 1].id) : null;
+    if (!gap || !isGenerated(gap) || this.targetJoints(gap) === null) return key.pose;
+    const candidates = this.entries.get(gap.id)?.result?.candidates;
+    return candidates?.[Math.min(gap.settings.chosen, candidates.length - 1)].target ?? key.pose;
+  }
+
+  /** The joints of the target to meet; all of them (null) if the motion after it is fixed. */
+  private targetJoints(gap: Gap): string | null {
+    const later = this.gap(gap.right.id);
+    return later && later.frames > 0 && !isGenerated(later) ? null : gap.settings.target_joints;
   }
 
   /** Whether nothing has to be requested: the result is up to date, or these inputs have failed before. A result from a
@@ -200,12 +218,7 @@ export class Generator {
       gap: gap.id,
       rig: this.rig!.id,
       frames: gap.frames,
-      method: settings.method as Generate["method"],
-      style: settings.style,
-      blend: settings.blend,
-      path: settings.path,
-      variants: live ? 1 : settings.variants,
-      seed: settings.seed,
+      settings: { ...settings, target_joints: this.targetJoints(gap) },
       live,
     };
     this.ask(query, ends)
@@ -213,7 +226,11 @@ export class Generator {
         if (header.type === "dropped") return;
         const size = gap.frames * stride;
         const all = arrays.frames.values;
-        const candidates = header.infos.map((info, i) => ({ rows: all.slice(i * size, (i + 1) * size), info }));
+        const candidates = header.infos.map((info, i) => ({
+          rows: all.slice(i * size, (i + 1) * size),
+          info,
+          target: arrays.targets ? row(arrays.targets.values, stride, i).slice() : null,
+        }));
         const result = { candidates, partial: live, seconds: header.seconds };
         if (!live) this.remember(inputs, result);
         if (entry.asking !== asking) return; // a newer request is in progress
@@ -245,21 +262,26 @@ export class Generator {
     const after = ahead.subarray(0, (reach - 1) * stride);
     return {
       signature: this.signature(gap),
-      before: joined(before, gap.left.pose),
+      before: joined(before, this.pose(gap.left)),
       after: joined(gap.right.pose, after),
     };
   }
 
   /** A gap's inputs, except the motion before it, as a string. */
   private signature(gap: Gap): string {
+    return `${this.poseId(this.pose(gap.left))} ${this.ownSignature(gap)}`;
+  }
+
+  private ownSignature(gap: Gap): string {
     let signature = this.signatures.get(gap);
     if (signature === undefined) {
-      const { chosen: _chosen, locked: _locked, speed: _speed, ...request } = gap.settings satisfies GapSettings;
+      const { chosen: _chosen, locked: _locked, speed: _speed, target_joints: _joints, ...settings } =
+        gap.settings satisfies GapSettings;
       // The clip's own motion after a gap is one of its inputs; a locked gap after it was generated from it.
       const later = this.gap(gap.right.id);
       const runsInto = later?.settings.method === "clip" ? later.left.source : null;
-      const poses = [this.poseId(gap.left.pose), this.poseId(gap.right.pose)];
-      signature = JSON.stringify([request, gap.frames, ...poses, runsInto]);
+      const target = [this.poseId(gap.right.pose), this.targetJoints(gap)];
+      signature = JSON.stringify([settings, gap.frames, ...target, runsInto]);
       this.signatures.set(gap, signature);
     }
     return signature;

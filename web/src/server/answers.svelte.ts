@@ -24,11 +24,10 @@ export class Answers {
 
   async findPaths(gap: Gap, count = 6): Promise<void> {
     const { studio } = this;
-    const { style, blend, seed } = gap.settings;
+    const { settings, frames } = gap;
     const { rig, ends } = this.about(gap);
     try {
-      const request = { type: "paths", rig, style, blend, frames: gap.frames, count, seed } as const;
-      const { header } = await studio.ask(request, ends);
+      const { header } = await studio.ask({ type: "paths", rig, settings, frames, count }, ends);
       if (studio.selection.gap === gap.id) this.paths = { found: header.paths, reason: header.reason };
     } catch (error) {
       studio.notices.warn(error);
@@ -37,10 +36,10 @@ export class Answers {
 
   async suggest(gap: Gap): Promise<void> {
     const { studio } = this;
-    const { style, blend } = gap.settings;
+    const { settings } = gap;
     const { rig, ends } = this.about(gap);
     try {
-      const { header } = await studio.ask({ type: "suggest", rig, style, blend }, ends);
+      const { header } = await studio.ask({ type: "suggest", rig, settings }, ends);
       if (studio.selection.gap === gap.id) this.suggested = header;
     } catch {
       this.suggested = null; // there is no gallery, none of its trajectories fits, or the rig is not a humanoid
@@ -78,6 +77,6 @@ export class Answers {
   private about(gap: Gap): { rig: string; ends: Arrays } {
     const { id, stride } = this.studio.rig as Rig;
     const end = (values: Float32Array) => ({ shape: [1, stride], values });
-    return { rig: id, ends: { start: end(gap.left.pose), target: end(gap.right.pose) } };
+    return { rig: id, ends: { start: end(this.studio.poseOf(gap.left)), target: end(gap.right.pose) } };
   }
 }

@@ -5,17 +5,21 @@ import type { GapState } from "../engine/generator";
 import type { GapSettings } from "../protocol";
 import { seconds } from "./layout";
 
-export const METHOD_NAMES: Readonly<Record<GapSettings["method"], string>> = {
+const METHOD_NAMES: Readonly<Record<string, string>> = {
   dcmoe: "DC-MoE",
   stitch: "Stitch",
+  "stitch+detail": "Stitch + detail",
+  plan: "Planner only",
   interp: "Interpolate",
   clip: "Clip",
 };
 
+/** The name of a method, as shown. */
+export const methodName = (method: string): string => METHOD_NAMES[method] ?? method;
+
 /** The style, the blend with its shares, or the method. */
 export function styleText({ method, style, blend }: GapSettings): string {
-  if (method === "clip") return "Clip";
-  if (method === "interp") return "Interpolate";
+  if (method === "clip" || method === "interp") return methodName(method);
   if (style === null) return "No style";
   if (!blend || blend.share === 0) return style;
   const share = Math.round(100 * blend.share);
@@ -24,8 +28,8 @@ export function styleText({ method, style, blend }: GapSettings): string {
 
 /** The label of a bar: its style, and its method unless the style already names it. */
 export function barText(settings: GapSettings): { style: string; method: string | null } {
-  const named = settings.method === "dcmoe" || settings.method === "stitch";
-  return { style: styleText(settings), method: named ? METHOD_NAMES[settings.method] : null };
+  const named = settings.method !== "clip" && settings.method !== "interp";
+  return { style: styleText(settings), method: named ? methodName(settings.method) : null };
 }
 
 export function framesText(frames: number): string {
@@ -33,7 +37,7 @@ export function framesText(frames: number): string {
 }
 
 export function keyLabel(key: Key, rate: number): string {
-  const own = key.source === null ? "" : ", the clip's own";
+  const own = key.source === null ? "" : ", from the clip";
   return `Key at frame ${key.frame}, ${seconds(key.frame, rate)}${own}`;
 }
 

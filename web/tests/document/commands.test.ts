@@ -135,12 +135,6 @@ describe("gaps", () => {
     expect(commands.lockGap(chosen, "k0", new Float32Array(29 * STRIDE)).keys[0].after.chosen).toBe(3);
   });
 
-  it("that are interpolated have no style and no path", () => {
-    const styled = keyed([0, 30], { style: "Angry", path: { kind: "straight" } });
-    const { after } = commands.setGap(styled, "k0", { method: "interp" }).keys[0];
-    expect([after.style, after.path.kind]).toEqual([null, "auto"]);
-  });
-
   it("end at the last key", () => {
     const document = keyed([0, 30]);
     expect(gapOf(document, "k0")?.frames).toBe(29);

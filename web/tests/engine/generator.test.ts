@@ -2,7 +2,7 @@ import { beforeEach, describe, expect, it } from "vitest";
 import { lockGap, moveKeys, setGap, setPose } from "../../src/document/commands";
 import { gapOf, gapsOf, type Document, type Gap } from "../../src/document/document";
 import { Generator } from "../../src/engine/generator";
-import type { Candidates, Generate } from "../../src/protocol";
+import type { Candidates } from "../../src/protocol";
 import type { Answer, Query } from "../../src/server/connection";
 import type { Arrays } from "../../src/server/messages";
 import { keyed, pose, rig, STRIDE } from "../rigs";
@@ -17,7 +17,7 @@ interface ClientMessage {
 
 const RIG = rig(100);
 const INFO = {
-  method: "dcmoe" as Generate["method"], style: null, trajectory: null, foot_slide: null, fit: null, path_deviation: null,
+  method: "dcmoe", model: null, style: null, trajectory: null, foot_slide: null, fit: null, path_deviation: null,
   fallback: null,
 };
 
@@ -67,6 +67,24 @@ describe("what every gap shows", () => {
     expect(request[0].arrays.target.shape).toEqual([10, STRIDE]);
     expect(request[0].arrays.target.values.slice(0, STRIDE)).toEqual(document.keys[1].pose);
     expect(request[0].arrays.target.values[STRIDE]).toBe(0.75);
+  });
+
+  it("starts from the completed pose where only some joints of the key before it are given", async () => {
+    show(setGap(keyed([0, 20, 40]), "k0", { target_joints: "hands", variants: 1 }));
+    expect(request[0].query.settings.target_joints).toBe("hands");
+    await request[0].answer(0.5);
+    const target = generator.pose(document.keys[1]);
+    expect(target[0]).toBe(0.5);
+    expect(request.at(-1)!.query.gap).toBe("k20");
+    expect(request.at(-1)!.arrays.start.values.slice(-STRIDE)).toEqual(target);
+    const locked = lockGap(document, "k0", generator.rows(gap("k0")), target);
+    expect(locked.keys[1].pose).toEqual(target);
+    expect(document.keys[1].pose).not.toEqual(target);
+  });
+
+  it("meets the whole target where the motion after it is locked", () => {
+    show(lockGap(setGap(keyed([0, 20, 40]), "k0", { target_joints: "hands" }), "k20", new Float32Array(19 * STRIDE)));
+    expect(request[0].query.settings.target_joints).toBe(null);
   });
 
   it("is made again where the clip's own motion follows now, to run into it", async () => {
@@ -153,16 +171,16 @@ describe("while something is dragged", () => {
   it("one candidate is request for both gaps, one at a time, then the whole", async () => {
     drag(moveKeys(document, ["k20"], 1));
     drag(moveKeys(document, ["k20"], 1));
-    expect(request.map(({ query }) => [query.gap, query.variants, query.live])).toEqual([
-      ["k0", 1, true],
-      ["k20", 1, true],
+    expect(request.map(({ query }) => [query.gap, query.settings.variants, query.live])).toEqual([
+      ["k0", 4, true],
+      ["k20", 4, true],
     ]);
     show(document);
     expect(request).toHaveLength(2); // the live ones come first, and are shown
     await request[0].answer(0.6);
     expect(generator.rows(gap("k0"))[0]).toBeCloseTo(0.6, 6);
     const last = request.at(-1)!.query;
-    expect([last.gap, last.frames, last.variants, last.live]).toEqual(["k0", 21, 4, false]);
+    expect([last.gap, last.frames, last.settings.variants, last.live]).toEqual(["k0", 21, 4, false]);
   });
 
   it("what was shown is stretched until there is more", () => {
@@ -209,10 +227,13 @@ function gap(id: string): Gap {
 }
 
 function answerOf(query: Query & { type: "generate" }, value: number): Answer<Candidates> {
-  const { variants, frames, gap, live } = query;
+  const { settings, frames, gap, live } = query;
+  const variants = live ? 1 : settings.variants;
   const values = new Float32Array(variants * frames * STRIDE).fill(value);
   const header: Candidates = {
     type: "candidates", id: 0, gap, live, infos: Array.from({ length: variants }, () => INFO), seconds: 0.1, arrays: {},
   };
-  return { header, arrays: { frames: { shape: [variants, frames, STRIDE], values } } };
+  const targets = { shape: [variants, STRIDE], values: new Float32Array(variants * STRIDE).fill(value) };
+  const frameRows = { shape: [variants, frames, STRIDE], values };
+  return { header, arrays: settings.target_joints ? { frames: frameRows, targets } : { frames: frameRows } };
 }

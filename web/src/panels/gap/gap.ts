@@ -2,51 +2,51 @@
 
 import type { Gap } from "../../document/document";
 import { isAsInClip } from "../../document/document";
+import { infoOf, withMethod } from "../../document/methods";
 import type { Candidate } from "../../engine/generator";
 import type { CandidateInfo, GapSettings, MethodInfo } from "../../protocol";
 import type { Rig } from "../../rig";
-import type { Segment } from "../controls/Segmented.svelte";
+import type { Studio } from "../../studio.svelte";
+import { methodName } from "../../timeline/text";
 
-export type Method = GapSettings["method"];
-export type PathChoice = "auto" | "straight" | "none" | "choose" | "draw";
+export type PathChoice = "auto" | "gallery" | "straight" | "none" | "draw";
 
-const METHODS: readonly { value: Method; label: string; tip: string }[] = [
-  { value: "dcmoe", label: "DC-MoE", tip: "Style, path and duration control. For gaps of half a second or more." },
-  { value: "stitch", label: "Stitch", tip: "Stitches two motions, one from each key, with varied candidates. For short gaps." },
-  { value: "interp", label: "Interpolate", tip: "Linear interpolation of the two poses, without a model." },
-  { value: "clip", label: "Clip", tip: "The clip's own motion, unchanged." },
-];
+interface MethodOption {
+  readonly value: string;
+  readonly label: string;
+  /** What it is for, or why it cannot be chosen. */
+  readonly tip: string;
+  readonly disabled: boolean;
+}
 
-/** The methods for a gap. Those that this rig or this installation cannot serve are disabled, with the reason. */
-export function methodSegments(gap: Gap, rig: Rig | null, methods: readonly MethodInfo[]): Segment<Method>[] {
-  return METHODS.filter(({ value }) => value !== "clip" || isAsInClip(gap.left, gap.right)).map((method) => {
-    const { value } = method;
-    const learned = value === "dcmoe" || value === "stitch";
-    const missing = learned && !methods.some((info) => info.method === value);
-    const reason = learned && rig?.reason ? rig.reason : missing ? "No model for it is installed." : null;
-    return { ...method, tip: reason ?? method.tip, disabled: reason !== null && gap.settings.method !== value, testid: `method-${value}` };
+/** The methods for a gap. Those that this rig, this installation or this gap rule out are disabled, with the reason. */
+export function methodOptions(gap: Gap, rig: Rig | null, methods: readonly MethodInfo[]): MethodOption[] {
+  const { method } = gap.settings;
+  const names = [...new Set([...methods.map((info) => info.method), ...(method === "clip" ? [] : [method])])];
+  const options = names.map((value): MethodOption => {
+    const info = infoOf({ method: value, model: null }, methods);
+    const seconds = (gap.frames + 1) / (rig?.rate ?? 30);
+    const longest = info?.longest_seconds ?? Infinity;
+    let reason: string | null = null;
+    if (!info) reason = "not installed";
+    else if (rig?.reason && !info.any_rig) reason = "needs a humanoid rig";
+    else if (seconds > longest + 0.05) reason = `for gaps of up to ${longest} s`;
+    return { value, label: methodName(value), tip: reason ?? info?.summary ?? "", disabled: reason !== null && method !== value };
   });
+  const clip = { value: "clip", label: methodName("clip"), tip: "the clip's own motion, unchanged", disabled: false };
+  return isAsInClip(gap.left, gap.right) ? [...options, clip] : options;
 }
 
-/** The settings that change with the method; settings that it does not support are reset. */
-export function withMethod(settings: GapSettings, method: Method, methods: readonly MethodInfo[]): Partial<GapSettings> {
-  const info = methods.find((each) => each.method === method);
-  const styles = info?.styles ?? [];
-  const style = settings.style !== null && styles.includes(settings.style) ? settings.style : null;
-  const blend = style !== null && settings.blend && styles.includes(settings.blend.style) ? settings.blend : null;
-  const path = info?.paths ? settings.path : ({ kind: "auto" } as const);
-  return method === "clip" ? { method } : { method, style, blend, path };
-}
-
-/** The settings that change with the style; a blend needs two different styles. */
-export function withStyle(settings: GapSettings, style: string | null): Partial<GapSettings> {
-  const blend = style !== null && settings.blend && settings.blend.style !== style ? settings.blend : null;
-  return { style, blend };
+/** Regenerates a gap that keeps the clip's frames, with the first method that can serve it. */
+export function generate(studio: Studio, gap: Gap): void {
+  const { methods } = studio.welcome;
+  const method = methodOptions(gap, studio.rig, methods).find(({ disabled }) => !disabled)?.value ?? "interp";
+  studio.setGap(gap.id, withMethod(gap.settings, { method, model: null }, methods), "Generate in-between");
 }
 
 export function pathChoice({ path }: GapSettings): PathChoice {
   if (path.kind !== "waypoints") return path.kind;
-  return path.drawn ? "draw" : "choose";
+  return path.drawn ? "draw" : "gallery";
 }
 
 /** Centimetres per frame from which on foot sliding is visible. */
@@ -58,16 +58,10 @@ export function sentence(text: string): string {
   return `${trimmed.charAt(0).toUpperCase()}${trimmed.slice(1)}.`;
 }
 
-const INSTEAD: Readonly<Record<CandidateInfo["method"], string>> = {
-  dcmoe: "DC-MoE instead",
-  stitch: "Stitched instead",
-  interp: "Interpolated instead",
-};
-
 /** What could not be served, and what was used instead. */
-export function fallbackText(info: CandidateInfo | null, request: Method): string | null {
+export function fallbackText(info: CandidateInfo | null, requested: string): string | null {
   if (!info?.fallback) return null;
-  return info.method === request ? sentence(info.fallback) : `${INSTEAD[info.method]}: ${sentence(info.fallback)}`;
+  return info.method === requested ? sentence(info.fallback) : `${methodName(info.method)} instead: ${sentence(info.fallback)}`;
 }
 
 /** The label of a candidate, for screen readers. */

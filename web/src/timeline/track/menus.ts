@@ -2,6 +2,8 @@
 
 import type { Gap } from "../../document/document";
 import { isAsInClip } from "../../document/document";
+import { infoOf } from "../../document/methods";
+import { generate } from "../../panels/gap/gap";
 import { written } from "../../shell/keys";
 import type { MenuEntry } from "../../shell/Menu.svelte";
 import type { Studio } from "../../studio.svelte";
@@ -53,7 +55,7 @@ export function gapMenu(studio: Studio, gap: Gap, frame: number): MenuEntry[] {
     entries.push({
       label: "Generate in-between",
       icon: "sparkle",
-      run: () => studio.setGap(id, { method: studio.rig?.reason ? "interp" : "dcmoe" }, "Generate in-between"),
+      run: () => generate(studio, gap),
     });
   } else {
     entries.push(
@@ -61,7 +63,7 @@ export function gapMenu(studio: Studio, gap: Gap, frame: number): MenuEntry[] {
         label: "Reroll candidates",
         icon: "dice",
         keys: "N",
-        disabled: settings.locked || settings.method === "interp",
+        disabled: settings.locked || !infoOf(settings, studio.welcome.methods)?.variants,
         run: () => studio.reroll(id),
       },
       {
