@@ -61,7 +61,7 @@ def random_model(preset: str, folder: Path) -> Path:
     run = folder / f"run-{preset}"
     run.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
-    checkpoint.save(run, checkpoint.State(parts), 0, config)
+    checkpoint.save(run, checkpoint.TrainingState(parts), 0, config)
     return export.export(run, folder / preset)
 
 

@@ -162,7 +162,7 @@ def write_run(folder: Path, model: nn.Module, config: object = CONFIG, step: int
     """A run folder as a training of ``model`` leaves it."""
     folder.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
-    checkpoint.save(folder, checkpoint.State(parts), step, config)
+    checkpoint.save(folder, checkpoint.TrainingState(parts), step, config)
     return folder
 
 

@@ -1,9 +1,9 @@
-"""Writes route.json: where the example's character shall go, in plain world values, from poses that are posed by hand.
+"""Writes route.json: the targets of the example's character in world values, from poses that are posed by hand.
 
     python examples/engine/route.py
 
-A route is a start pose and legs. A leg holds from a frame on: be at the pose at frame `arrive`, in the style; `drift`
-is by how many metres (x, z) its place moves on in each frame, as a player's aim does.
+A route is a start pose and legs. A leg holds from its frame on: reach the pose at frame `arrive`, in the style. The
+target moves by `drift` metres (x, z) a frame.
 """
 
 from __future__ import annotations

@@ -14,16 +14,18 @@ from interpose import export as exporting
 from interpose.errors import InputError
 from interpose.export import dcmoe as export
 from interpose.export import onnx_file
-from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST, control_shapes, output_layout, state_shapes
+from interpose.features import EXPERT_INPUT, GATE_INPUT, LONGEST_ARRIVAL, control_shapes, output_layout, state_shapes
 from interpose.models.dcmoe import Control, State
 from interpose.runtime import model_folder as runtime
 from interpose.skeleton import HUMANOID
 from interpose.train.common import checkpoint
-from interpose.train.dcmoe.sequences import Sampling, draw
+from interpose.train.common.config import to_plain
+from interpose.train.dcmoe.sequences import RollOutSampling, draw
 
 
 def test_the_folder_is_whole_and_alone(model_folder):
-    assert {p.name for p in model_folder.iterdir()} == {"model.json", "step.onnx", "phases.npy"}
+    graphs = {"step.onnx", "begin.onnx", "aim.onnx", "pose.onnx"}
+    assert {p.name for p in model_folder.iterdir()} == {"model.json", "phases.npy"} | graphs
     assert {p.name for p in model_folder.parent.iterdir()} == {"run", "marching"}
 
 
@@ -41,17 +43,28 @@ def test_model_json_says_what_the_model_is(model_folder, network):
         "gate": dict(GATE_INPUT.blocks),
         "output": dict(output_layout(False).blocks),
     }
-    assert info["limits"] == {"trained_frames_to_target": LONGEST}
+    assert info["limits"] == {"trained_frames_to_target": LONGEST_ARRIVAL}
     assert info["training_data"] == ["synthetic 1234"]
     assert info["licence"] == "MIT; trained on data under CC BY 4.0, which asks for credit"
     assert info["metrics"] == {"valid/30": 0.9}
+    assert info["training"] == to_plain(learning.CONFIG)
+    assert "planner" not in info
     assert info["parameters"] == sum(p.numel() for p in network.parameters())
     assert info["difference_from_torch"]["as_exported"] < 1e-4
-    assert info["difference_from_torch"]["as_stored"] <= export.TOLERANCE_STORED
+    assert info["difference_from_torch"]["as_stored"] <= onnx_file.TOLERANCE_STORED
+
+
+def test_model_json_has_the_planners_config_too(planned_folder):
+    info = json.loads((planned_folder / "model.json").read_text())
+    assert info["training"] == to_plain(learning.PLANNED)
+    assert info["training"]["plan"]["seed"] == 0
+    size = to_plain(learning.PLANNER)["size"]
+    assert {name: info["planner"][name] for name in size} == size
+    assert (planned_folder / "plan.onnx").exists()
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "terms"),
     [
         ("CC BY 4.0", "MIT; trained on data under CC BY 4.0"),
         ("CC BY-NC-ND 4.0", "non-commercial research only (trained on data under CC BY-NC-ND 4.0)"),
@@ -60,35 +73,35 @@ def test_model_json_says_what_the_model_is(model_folder, network):
         ("", "unknown"),
     ],
 )
-def test_the_licence_follows_the_data(data, said):
-    assert exporting.licence(data).startswith(said)
+def test_the_licence_follows_the_data(data, terms):
+    assert exporting.licence(data).startswith(terms)
 
 
 @pytest.mark.parametrize("batch", [1, 2, 9])
-def test_onnx_says_what_torch_says(session, network, frames, batch):
-    rows = draw(frames, batch, len(learning.STYLES), Sampling(), torch.Generator().manual_seed(batch))
+def test_onnx_gives_what_torch_gives(session, network, frames, batch):
+    rows = draw(frames, batch, len(learning.STYLES), RollOutSampling(), torch.Generator().manual_seed(batch))
     steer = learning.steering(frames, rows)
-    step = export.Step(network)
+    step = export.StepGraph(network)
     wanted = step(*rows.state, *steer)
-    said = session.step({name: x.numpy() for name, x in (rows.state._asdict() | steer._asdict()).items()})
-    assert len(said) == len(wanted)
-    for (name, got), value in zip(said.items(), wanted, strict=True):
+    made = session.step({name: x.numpy() for name, x in (rows.state._asdict() | steer._asdict()).items()})
+    assert len(made) == len(wanted)
+    for (name, got), value in zip(made.items(), wanted, strict=True):
         off = 0.1 if "phase" in name else 0.02  # where the old phase and the predicted one oppose, 8 bits may turn them
         np.testing.assert_allclose(got, value, atol=off * max(1.0, float(value.abs().max())), err_msg=name)
-    np.testing.assert_allclose(said["next_positions"], wanted[2], atol=2e-3)
+    np.testing.assert_allclose(made["next_positions"], wanted[2], atol=2e-3)
 
 
-def test_the_step_tells_the_root_that_comes_in_the_world(network, frames):
-    rows = draw(frames, 4, len(learning.STYLES), Sampling(), torch.Generator().manual_seed(5))
+def test_the_step_gives_the_coming_root_in_the_world(network, frames):
+    rows = draw(frames, 4, len(learning.STYLES), RollOutSampling(), torch.Generator().manual_seed(5))
     model = learning.silence(copy.deepcopy(network))
     where = model.layout.slices()["trajectory"]
     key = torch.tensor([0.1, 0.5, 0.0, 1.0, 0.2, 1.5])  # to the left and ahead, facing ahead, on the move
     model.out_mean[where] = key.repeat(7)
-    *_, contacts, path = export.Step(model)(*rows.state, *learning.steering(frames, rows))
+    *_, contacts, path = export.StepGraph(model)(*rows.state, *learning.steering(frames, rows))
     facing = rows.state.track[:, -1, 2:]
     left = torch.stack([facing[:, 1], -facing[:, 0]], dim=-1)
     wanted = rows.state.hips[:, None, ::2] + (0.1 * left + 0.5 * facing)[:, None]
-    away = frames.facing[rows.start + rows.gone] - facing
+    away = frames.facing[rows.gaps.start + rows.gone] - facing
     assert float(away.abs().max()) < 0.05  # the facing is the pose's own, noise included
     torch.testing.assert_close(path[..., :2], wanted.expand(4, 6, 2), atol=0.05, rtol=0)
     torch.testing.assert_close(path[..., 2:4], facing[:, None].expand(4, 6, 2), atol=0.05, rtol=0)
@@ -121,10 +134,10 @@ def test_an_onnx_file_of_another_network_is_refused(model_folder, network):
     def inputs(batch, seed):
         return export.example(len(learning.STYLES), batch, seed)
 
-    apart = onnx_file.check(export.Step(network), content, inputs, export.TOLERANCE_STORED)
-    assert apart <= export.TOLERANCE_STORED
+    apart = onnx_file.check(export.StepGraph(network), content, inputs, onnx_file.TOLERANCE_STORED)
+    assert apart <= onnx_file.TOLERANCE_STORED
     with pytest.raises(InputError, match="the ONNX model's next_hips differs from torch's by"):
-        onnx_file.check(export.Step(other), content, inputs, export.TOLERANCE_STORED)
+        onnx_file.check(export.StepGraph(other), content, inputs, onnx_file.TOLERANCE_STORED)
 
 
 def test_the_example_has_every_input():
@@ -136,8 +149,8 @@ def test_the_example_has_every_input():
 
 
 def test_runs_that_cannot_be_exported(network, tmp_path):
-    def fails(run, said, out=tmp_path / "out"):
-        with pytest.raises(InputError, match=said):
+    def fails(run, message, out=tmp_path / "out"):
+        with pytest.raises(InputError, match=message):
             exporting.export(run, out)
         assert not list(tmp_path.glob(".out*"))
 
@@ -146,17 +159,17 @@ def test_runs_that_cannot_be_exported(network, tmp_path):
     (tmp_path / "damaged" / "checkpoint-000000001.pt").write_bytes(b"no weights")
     fails(tmp_path / "damaged", "no checkpoint can be read")
     (tmp_path / "other").mkdir()
-    checkpoint.save(tmp_path / "other", checkpoint.State({"model": network}), 1, checkpoint.State({}))
+    checkpoint.save(tmp_path / "other", checkpoint.TrainingState({"model": network}), 1, learning.PLANNER.size)
     fails(tmp_path / "other", "no checkpoint of a model is there")
     wider = replace(learning.CONFIG, hidden=24)
     fails(learning.write_run(tmp_path / "older", network, wider), "weights are not those of its config")
     run = learning.write_run(tmp_path / "run", network)
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "notes.txt").write_text("mine")
-    fails(run, "taken is there and is no model folder", tmp_path / "taken")
+    fails(run, "taken exists but is not a model folder", tmp_path / "taken")
     assert (tmp_path / "taken" / "notes.txt").read_text() == "mine"
     (tmp_path / "file").write_text("mine")
-    fails(run, "file is there and is no model folder", tmp_path / "file")
+    fails(run, "file exists but is not a model folder", tmp_path / "file")
     assert not (tmp_path / "out").exists()
 
 
@@ -175,6 +188,7 @@ def test_an_export_that_fails_leaves_the_old_model(network, tmp_path, monkeypatc
     assert (out / "model.json").read_text() == "old"
     assert {p.name for p in tmp_path.iterdir()} == {"run", "model"}
     monkeypatch.setattr(export, "write_step", lambda _, path: path.write_bytes(b"new") and {})
+    monkeypatch.setattr(export, "write_engine", lambda folder: {})
     assert exporting.export(run, out, name="Newer") == out
     assert json.loads((out / "model.json").read_text())["name"] == "Newer"
     assert (out / "step.onnx").read_bytes() == b"new"

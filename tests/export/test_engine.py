@@ -1,4 +1,4 @@
-"""The graphs for engines say what the package says, and the example in Rust says what a stream says."""
+"""The graphs for engines give what the package gives, and the example in Rust what a stream gives."""
 
 import json
 import os
@@ -13,13 +13,11 @@ import pytest
 import torch
 
 from interpose import rotation
-from interpose.export import dcmoe, engine, onnx_file
-from interpose.features.stitch import LONGEST_PLAN, spread
-from interpose.models.planner import GapPlan, PlanSize
+from interpose.export import dcmoe, engine, onnx_file, planner
 from interpose.motion import from_global
 from interpose.runtime import poses
 from interpose.runtime.backends import dcmoe as backend
-from interpose.runtime.model_folder import Session, load
+from interpose.runtime.model_folder import load
 from interpose.runtime.streaming import fading
 from interpose.runtime.streaming.stream import Stream
 from interpose.skeleton import HUMANOID, global_rotations
@@ -41,8 +39,8 @@ def local(frames) -> tuple[np.ndarray, np.ndarray]:
     return CLIP.root_positions[rows], CLIP.local_rotations[rows]
 
 
-def said(graph, feed) -> dict[str, np.ndarray]:
-    """What a graph says in torch."""
+def outputs(graph, feed) -> dict[str, np.ndarray]:
+    """What a graph gives in torch."""
     with torch.no_grad():
         made = graph.eval()(*(torch.tensor(np.asarray(feed[name]), dtype=torch.float32) for name in graph.inputs))
     return {name: value.numpy() for name, value in zip(graph.outputs, made, strict=True)}
@@ -51,7 +49,7 @@ def said(graph, feed) -> dict[str, np.ndarray]:
 def begun(known: bool) -> dict[str, np.ndarray]:
     feed = dict(zip(("start_hips", "start_quaternions"), plain(START), strict=True))
     feed |= dict(zip(("before_hips", "before_quaternions"), plain(at - 1 for at in START), strict=True))
-    return said(engine.Begin(), feed | {"before_known": np.full((2, 1), float(known))})
+    return outputs(engine.BeginGraph(), feed | {"before_known": np.full((2, 1), float(known))})
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -75,33 +73,11 @@ def aim_feed(frames: int) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("steps", [1, 2, 40])
 def test_aim_gives_the_target_and_the_interpolation(steps):
-    made = said(engine.Aim(), aim_feed(steps))
+    made = outputs(engine.AimGraph(), aim_feed(steps))
     np.testing.assert_allclose(made["bases"], poses.interpolation(local(START), local(TARGET), steps - 1), atol=1e-4)
     target = poses.pose_of(*local(TARGET))
     for name in ("hips", "rotations", "positions"):
         np.testing.assert_allclose(made[f"target_{name}"], getattr(target, name), atol=1e-5)
-
-
-@pytest.mark.parametrize("steps", [40, LONGEST_PLAN + 1])
-def test_aim_adds_the_plan(steps, session, monkeypatch):
-    torch.manual_seed(0)
-    network = GapPlan(PlanSize(latent=4, hidden=32, depth=1, styles=2)).eval()
-    feed = aim_feed(steps)
-
-    def run(_self, _name, told):
-        with torch.no_grad():
-            x, frame = network(engine.Ends(*(torch.tensor(told[name]) for name in engine.Ends._fields)))
-            return {"added": network.decode(x, frame, network.expect(x).mean).numpy(), "latent": np.zeros((2, 4))}
-
-    monkeypatch.setattr(Session, "run", run)
-    context = poses.pose_of(*local(START)), feed["velocities"], poses.pose_of(*local(TARGET))
-    told = planner.ends(*context, None, [steps] * 2, feed["style"], [None] * 2, 1.0)
-    anchors = planner.plan(session, told, np.zeros((2, 4)))[0] * (steps <= LONGEST_PLAN)
-    wanted = poses.interpolation(local(START), local(TARGET), steps - 1)
-    wanted = wanted + np.einsum("ta,bap->btp", spread(steps), anchors)
-    made = said(engine.Aim(network), feed)["bases"]
-    assert (np.abs(anchors).max() > 0.05) == (steps <= LONGEST_PLAN)
-    np.testing.assert_allclose(made, wanted, atol=2e-4)
 
 
 @pytest.mark.parametrize("change", [0, 1, 2])
@@ -109,12 +85,12 @@ def test_pose_shows_what_a_stream_shows(change):
     state, draw = begun(True), np.random.default_rng(change)
     new, former = local((21, 46)), local((23, 40))
     feed = {"change": np.full((2, 1), float(change)), "frames_left": np.array([[9.0], [1.0]])}
-    feed |= {name: state[name] for name in engine.PAST}
+    feed |= {name: state[name] for name in engine.PAST_SHAPES}
     feed |= {"offset": 0.05 * draw.normal(size=(2, 23, 3)), "offset_speed": 0.01 * draw.normal(size=(2, 23, 3))}
     feed["offset_left"] = np.array([[6.0], [6.0]])
     for name, (hips, turned) in (("", new), ("former_", former)):
         feed |= {f"{name}hips": hips, f"{name}rotations": poses.pose_of(hips, turned).rotations}
-    made = said(engine.Pose(), feed)
+    made = outputs(engine.PoseGraph(), feed)
     fade = fading.Fade(feed["offset"], feed["offset_speed"], feed["offset_left"][:, 0])
     both, before, now = np.array([True, True]), local(at - 1 for at in START), local(START)
     if change == 1:
@@ -134,21 +110,25 @@ def test_pose_shows_what_a_stream_shows(change):
 
 
 @pytest.fixture(scope="module")
-def folder(network, model_folder, tmp_path_factory) -> Path:
-    """The model with the graphs, and a step whose weights are not rounded: so small differences stay small."""
+def folder(planned_network, planned_folder, tmp_path_factory) -> Path:
+    """The exported model, with a step and a planner whose weights are not rounded: so small differences stay small."""
     made = tmp_path_factory.mktemp("engine") / "model"
-    shutil.copytree(model_folder, made)
+    shutil.copytree(planned_folder, made)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(onnx_file, "quantise", lambda model: model)
-        dcmoe.write_step(network, made / "step.onnx")
-    differences = engine.write_engine(made)
-    assert max(differences.values()) < 1e-5
+        dcmoe.write_step(planned_network, made / "step.onnx")
+        planner.write_plan(planned_network.planner, made)
     return made
 
 
-def posed(said_of: dict, moved: tuple[float, float] = (0.0, 0.0)):
-    hips = np.array([said_of["hips"]]) + np.array([[moved[0], 0.0, moved[1]]])
-    turned = np.array([said_of["quaternions"]])
+def test_the_graphs_are_written_alike(tmp_path):
+    assert max(engine.write_engine(tmp_path).values()) < 1e-5
+    assert {file.name for file in tmp_path.iterdir()} == {"begin.onnx", "aim.onnx", "pose.onnx"}
+
+
+def posed(target: dict, moved: tuple[float, float] = (0.0, 0.0)):
+    hips = np.array([target["hips"]]) + np.array([[moved[0], 0.0, moved[1]]])
+    turned = np.array([target["quaternions"]])
     return from_global(HUMANOID, hips, turned / np.linalg.norm(turned, axis=-1, keepdims=True), 30.0)
 
 
@@ -169,11 +149,11 @@ def test_the_example_in_rust_gives_what_a_stream_gives(folder, tmp_path):
     library = next((Path(onnxruntime.__file__).parent / "capi").glob("*onnxruntime.*"))
     files = [str(folder), *(str(tmp_path / name) for name in ("route.json", "out.html", "numbers.json"))]
     program = str(target / "release" / "interpose-engine")
-    said = subprocess.run(
+    ran = subprocess.run(
         [program, *files], capture_output=True, text=True, env=os.environ | {"ORT_DYLIB_PATH": str(library)}
     )
-    assert not said.returncode, said.stderr
-    assert "210 frames" in said.stdout
+    assert not ran.returncode, ran.stderr
+    assert "210 frames" in ran.stdout
     assert '"parents"' in (tmp_path / "out.html").read_text()
     numbers = json.loads((tmp_path / "numbers.json").read_text())
 
@@ -181,7 +161,7 @@ def test_the_example_in_rust_gives_what_a_stream_gives(folder, tmp_path):
     for frame in range(route["frames"]):
         leg = [leg for leg in route["legs"] if leg["frame"] <= frame][-1]
         stream.style = leg["style"] or None
-        moved = tuple(way * (frame - leg["frame"]) for way in leg["drift"])
+        moved = tuple(drift * (frame - leg["frame"]) for drift in leg["drift"])
         wanted.append(stream.step(posed(leg, moved), max(1, leg["arrive"] - frame) / 30.0))
     places = np.concatenate([pose.global_positions() for pose in wanted])
     np.testing.assert_allclose(np.array(numbers["positions"]).reshape(-1, 22, 3), places, atol=1e-3)

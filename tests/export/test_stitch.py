@@ -17,22 +17,23 @@ from interpose.errors import InputError
 from interpose.export import onnx_file, planner
 from interpose.export import stitch as export
 from interpose.features import stitch
-from interpose.models.planner import LONGEST
+from interpose.features.plan import LONGEST_PLAN_STEPS, anchor_weights, planner_shapes
 from interpose.models.stitching_cvae import Memory
 from interpose.runtime.model_folder import FORMAT
 from interpose.skeleton import HUMANOID
-from interpose.train.common import gaps
+from interpose.train.common.config import to_plain
+from interpose.train.common.gaps import gap_input
 
 CONFIG, PAPER = stitch_learning.CONFIG, stitch_learning.PAPER
 
 
 @pytest.fixture(scope="module")
-def letter(frames):
+def paper_network(frames):
     """The paper's form; not to be changed."""
     return stitch_learning.network_for(frames, PAPER)
 
 
-def told(folder):
+def info_of(folder):
     return json.loads((folder / "model.json").read_text())
 
 
@@ -47,12 +48,12 @@ def compare(file, module, tensors, names):
     session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
     inputs = [i.name for i in session.get_inputs()]
     assert inputs == list(names)
-    said = session.run(None, {name: x.numpy() for name, x in zip(inputs, tensors, strict=True)})
+    made = session.run(None, {name: x.numpy() for name, x in zip(inputs, tensors, strict=True)})
     wanted = module(*tensors)
     outputs = [o.name for o in session.get_outputs()]
-    assert len(said) == len(wanted) == len(outputs)
+    assert len(made) == len(wanted) == len(outputs)
     out = {}
-    for name, got, value in zip(outputs, said, wanted, strict=True):
+    for name, got, value in zip(outputs, made, wanted, strict=True):
         assert got.shape == tuple(value.shape), name
         np.testing.assert_allclose(got, value, atol=0.03 * max(1.0, float(value.abs().max())), err_msg=name)
         out[name] = got, value.numpy()
@@ -70,32 +71,35 @@ def test_the_folder_is_whole_and_alone(stitch_folder):
 
 
 def test_model_json_says_what_the_model_is(stitch_folder, stitch_network):
-    info = told(stitch_folder)
+    info = info_of(stitch_folder)
     assert (info["format"], info["name"], info["method"]) == (FORMAT, "stitching", "stitch")
     assert (info["preset"], info["steps"], info["rate"]) == ("tiny", 20, 30.0)
     assert info["styles"] == list(learning.STYLES)
     assert info["skeleton"]["names"] == list(HUMANOID.names)
-    assert info["course"] == [2, True, True]
+    assert info["chains"] == {"buffer": 2, "aligned": True, "both": True}
     network = info["network"]
-    assert (network["form"], network["latents"], network["planned"], network["latent"]) == ("yaw", "gap", True, 16)
+    assert (network["form"], network["latents"], network["planned"], network["latent"]) == ("yaw", "gap", True, 8)
     assert (network["memory"], network["decoder_memory"]) == (16, 16)
-    assert network["plan"] == {"latent": 16, "hidden": 32, "depth": 1, "dropout": 0.1, "styles": 2}
-    assert info["limits"] == {"trained_frames_to_target": LONGEST}
+    assert "plan" not in network
+    size = to_plain(learning.PLANNER)["size"]
+    assert {name: info["planner"][name] for name in size} == size
+    assert info["training"] == to_plain(CONFIG)
+    assert info["limits"] == {"trained_frames_to_target": LONGEST_PLAN_STEPS}
     assert info["training_data"] == ["synthetic 1234"]
     assert info["licence"] == "MIT; trained on data under CC BY 4.0, which asks for credit"
     assert info["metrics"] == {"valid/30": 0.9}
     assert info["parameters"] == sum(p.numel() for p in stitch_network.parameters())
-    assert set(info["difference_from_torch"]) == {"plan", "front", "back"}
-    for apart in info["difference_from_torch"].values():
+    assert set(info["difference_from_torch"]) == {"front", "back"}
+    for apart in (*info["difference_from_torch"].values(), info["planner"]["difference_from_torch"]):
         assert apart["as_exported"] < 1e-4
-        assert apart["as_stored"] <= planner.TOLERANCE_STORED
+        assert apart["as_stored"] <= onnx_file.TOLERANCE_STORED
     assert "mean_quaternions" not in info
 
 
 def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
-    info = told(stitch_folder)
+    info = info_of(stitch_folder)
     shapes = stitch.network_shapes(info["network"], len(info["styles"]))
-    assert set(shapes) == {"plan", "front", "back"}
+    assert set(shapes) == {"front", "back"}
     for name, wanted in shapes.items():
         inputs = onnx.load(stitch_folder / f"{name}.onnx").graph.input
         got = {i.name: tuple(d.dim_value for d in i.type.tensor_type.shape.dim[1:]) for i in inputs}
@@ -105,25 +109,25 @@ def test_the_files_have_the_inputs_that_model_json_promises(stitch_folder):
 
 
 @pytest.mark.parametrize("batch", [1, 5])
-def test_the_plan_says_what_torch_says(stitch_folder, stitch_network, frames, batch):
-    ends = gaps.ends(frames, drawn(frames, batch, seed=batch))
-    noise = torch.randn(batch, 16, generator=torch.Generator().manual_seed(0))
-    module, names = planner.Plan(stitch_network.plan), [*stitch.ends_shapes(2), "noise"]
-    out = compare(stitch_folder / "plan.onnx", module, [*ends, noise], names)
-    x, frame = stitch_network.plan(ends)
-    z = stitch_network.plan.expect(x).at(noise)
-    np.testing.assert_allclose(out["latent"][1], z)
-    np.testing.assert_allclose(out["added"][1], stitch_network.plan.decode(x, frame, z))
+def test_the_plan_gives_what_torch_gives(stitch_folder, stitch_network, frames, batch):
+    gap = gap_input(frames, drawn(frames, batch, 18, seed=batch))
+    noise = torch.randn(batch, 8, generator=torch.Generator().manual_seed(0))
+    at = torch.arange(19.0).expand(batch, -1)
+    module, names = planner.PlanGraph(stitch_network.plan), planner_shapes(8, 2)
+    out = compare(stitch_folder / "plan.onnx", module, [*gap, noise, at], names)
+    plan, latent_ = stitch_network.plan(gap, noise)
+    np.testing.assert_allclose(out["latent"][1], latent_)
+    np.testing.assert_allclose(out["added"][1], torch.tensor(anchor_weights(18)).float() @ plan, atol=1e-5)
     assert float(np.abs(out["added"][0]).mean()) > 0.01
 
 
 @pytest.mark.parametrize("batch", [1, 5])
 @pytest.mark.parametrize("side", ["front", "back"])
-def test_a_step_says_what_torch_says(stitch_folder, stitch_network, frames, side, batch):
+def test_a_step_gives_what_torch_gives(stitch_folder, stitch_network, frames, side, batch):
     generator = getattr(stitch_network, side)
     tensors = step_inputs(frames, stitch_network, generator, batch)
-    names = stitch.network_shapes(told(stitch_folder)["network"], 2)[side]
-    out = compare(stitch_folder / f"{side}.onnx", export.Step(generator), tensors, names)
+    names = stitch.network_shapes(info_of(stitch_folder)["network"], 2)[side]
+    out = compare(stitch_folder / f"{side}.onnx", export.GeneratorGraph(generator), tensors, names)
     assert list(out) == [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
     np.testing.assert_allclose(*out["next_positions"], atol=5e-3)
     after, kept, _, _ = generator(
@@ -137,7 +141,7 @@ def test_a_step_says_what_torch_says(stitch_folder, stitch_network, frames, side
 
 def test_the_last_step_makes_the_aim_in_8_bits_as_well(stitch_folder, stitch_network, frames):
     tensors = step_inputs(frames, stitch_network, stitch_network.front, 4)
-    names = list(stitch.network_shapes(told(stitch_folder)["network"], 2)["front"])
+    names = list(stitch.network_shapes(info_of(stitch_folder)["network"], 2)["front"])
     given = dict(zip(names, tensors, strict=True))
     given |= {"left": torch.ones(4, 1), "base_following": given["base_there"]}
     session = onnxruntime.InferenceSession(stitch_folder / "front.onnx", providers=["CPUExecutionProvider"])
@@ -146,10 +150,10 @@ def test_the_last_step_makes_the_aim_in_8_bits_as_well(stitch_folder, stitch_net
     np.testing.assert_allclose(rotations, given["aim_rotations"], atol=1e-6)
 
 
-def test_the_papers_form_says_what_torch_says(letter, frames, tmp_path):
-    network = {"form": "paper", "memory": 16, "decoder_memory": 16, "latent": 16, "planned": False, "latents": "frame"}
+def test_the_papers_form_gives_what_torch_gives(paper_network, frames, tmp_path):
+    network = {"form": "paper", "memory": 16, "decoder_memory": 16, "latent": 8, "planned": False, "latents": "frame"}
     shapes = stitch.network_shapes(network, 2)["front"]
-    module = export.Step(letter.front)
+    module = export.GeneratorGraph(paper_network.front)
     outputs = [*(f"next_{n}" for n in export.MADE), *(f"next_{n}" for n in Memory._fields)]
     file = tmp_path / "front.onnx"
     apart = onnx_file.write(
@@ -158,28 +162,29 @@ def test_the_papers_form_says_what_torch_says(letter, frames, tmp_path):
         lambda batch, seed: onnx_file.example(shapes, batch, seed),
         outputs,
         1e-4,
-        planner.TOLERANCE_STORED,
+        onnx_file.TOLERANCE_STORED,
     )
     assert apart["as_exported"] < 1e-4
     for batch in (1, 5):
-        out = compare(file, module, step_inputs(frames, letter, letter.front, batch), shapes)
+        out = compare(file, module, step_inputs(frames, paper_network, paper_network.front, batch), shapes)
         np.testing.assert_allclose(np.linalg.norm(out["next_rotations"][0], axis=-1), 1.0, atol=1e-5)
     # Both heads look at the state through one encoder, whose weights are stored once.
     names = [t.name for t in onnx.load(file).graph.initializer]
     assert len(names) == len(set(names))
     assert len([n for n in names if n.endswith(".codes")]) == sum(
-        p.numel() >= 4096 for n, p in letter.front.named_parameters() if n.endswith("weight")
+        p.numel() >= 4096 for n, p in paper_network.front.named_parameters() if n.endswith("weight")
     )
 
 
-def test_the_papers_model_tells_its_signs_and_has_no_plan(letter, tmp_path, monkeypatch):
-    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest: path.write_bytes(b"new") and {})
-    run = stitch_learning.write_run(tmp_path / "run", letter, PAPER)
-    out = exporting.export(run, tmp_path / "letter")
+def test_the_papers_model_has_its_signs_and_no_plan(paper_network, tmp_path, monkeypatch):
+    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest, **more: path.write_bytes(b"new") and {})
+    run = stitch_learning.write_run(tmp_path / "run", paper_network, PAPER)
+    out = exporting.export(run, tmp_path / "paper")
     assert {p.name for p in out.iterdir()} == {"model.json", "front.onnx", "back.onnx"}
-    info = told(out)
-    np.testing.assert_allclose(info["mean_quaternions"], letter.mean_quaternions, atol=1e-6)
-    assert (info["preset"], info["course"]) == ("paper", [5, True, True])
+    info = info_of(out)
+    np.testing.assert_allclose(info["mean_quaternions"], paper_network.mean_quaternions, atol=1e-6)
+    assert (info["preset"], info["chains"]["buffer"]) == ("paper", 5)
+    assert "planner" not in info
     assert info["network"]["form"] == "paper"
 
 
@@ -190,7 +195,7 @@ def test_examples_have_every_input(frames):
             made = onnx_file.example(shapes, 7, 1)
             assert {k: tuple(v.shape[1:]) for k, v in made.items()} == shapes
             assert all(torch.equal(made[k], v) for k, v in onnx_file.example(shapes, 7, 1).items())
-            assert all(float(made[k].min()) >= 2.0 for k in ("left", "steps") if k in made)
+            assert all(float(made[k].min()) >= 2.0 for k in ("left",) if k in made)
             assert torch.all(made["style"].sum(dim=1) == 1.0)
             if form == "paper" and "left" in made:
                 torch.testing.assert_close(made["rotations"].norm(dim=-1), torch.ones(7, 22))
@@ -199,16 +204,16 @@ def test_examples_have_every_input(frames):
 def test_an_onnx_file_of_another_network_is_refused(stitch_folder, stitch_network):
     other = copy.deepcopy(stitch_network)
     other.front.experts[-1].linear.bias.add_(2.0)
-    shapes = stitch.network_shapes(told(stitch_folder)["network"], 2)["front"]
+    shapes = stitch.network_shapes(info_of(stitch_folder)["network"], 2)["front"]
     content = (stitch_folder / "front.onnx").read_bytes()
 
     def inputs(batch, seed):
         return onnx_file.example(shapes, batch, seed)
 
-    apart = onnx_file.check(export.Step(stitch_network.front), content, inputs, planner.TOLERANCE_STORED)
-    assert apart <= planner.TOLERANCE_STORED
+    apart = onnx_file.check(export.GeneratorGraph(stitch_network.front), content, inputs, onnx_file.TOLERANCE_STORED)
+    assert apart <= onnx_file.TOLERANCE_STORED
     with pytest.raises(InputError, match=r"the ONNX model's next_.* differs from torch's by"):
-        onnx_file.check(export.Step(other.front), content, inputs, 0.05)
+        onnx_file.check(export.GeneratorGraph(other.front), content, inputs, 0.05)
 
 
 def test_an_export_that_fails_leaves_the_old_model(stitch_network, tmp_path, monkeypatch):
@@ -218,7 +223,7 @@ def test_an_export_that_fails_leaves_the_old_model(stitch_network, tmp_path, mon
     (out / "model.json").write_text("old")
     (out / "front.onnx").write_bytes(b"old")
 
-    def broken(network, path, *_):
+    def broken(network, path, *_, **__):
         path.write_bytes(b"half")
         if path.name == "plan.onnx":
             raise InputError("the ONNX model's added differs")
@@ -230,9 +235,9 @@ def test_an_export_that_fails_leaves_the_old_model(stitch_network, tmp_path, mon
     assert (out / "model.json").read_text() == "old"
     assert (out / "front.onnx").read_bytes() == b"old"
     assert {p.name for p in tmp_path.iterdir()} == {"run", "model"}
-    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest: path.write_bytes(b"new") and {})
+    monkeypatch.setattr(onnx_file, "write", lambda network, path, *rest, **more: path.write_bytes(b"new") and {})
     assert exporting.export(run, out, name="Newer") == out
-    assert told(out)["name"] == "Newer"
+    assert info_of(out)["name"] == "Newer"
     assert {p.name for p in out.iterdir()} == {"model.json", "plan.onnx", "front.onnx", "back.onnx"}
 
 
@@ -243,7 +248,7 @@ def test_runs_that_cannot_be_exported(stitch_network, tmp_path):
     whole = stitch_learning.write_run(tmp_path / "whole", stitch_network)
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="taken is there and is no model folder"):
+    with pytest.raises(InputError, match="taken exists but is not a model folder"):
         exporting.export(whole, tmp_path / "taken")
     assert (tmp_path / "taken" / "notes.txt").read_text() == "mine"
     assert not (tmp_path / "out").exists()

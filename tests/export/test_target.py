@@ -12,7 +12,7 @@ from interpose.export.target import example
 from interpose.models.target_pose import Complete, TargetPose, TargetSize
 from interpose.runtime.model_folder import load
 from interpose.train.common import checkpoint, loop
-from interpose.train.target.recipe import Config
+from interpose.train.target.recipe import TargetConfig
 
 
 def write_run(folder, styles):
@@ -21,8 +21,8 @@ def write_run(folder, styles):
     model = TargetPose(size)
     folder.mkdir()
     parts = {"model": model, "ema": loop.moving_average(model, 0.9)}
-    config = Config(preset="tiny", size=size, styles=styles, databases=("synthetic 1234",), licence="CC BY 4.0")
-    checkpoint.save(folder, checkpoint.State(parts), 7, config)
+    config = TargetConfig(preset="tiny", size=size, styles=styles, databases=("synthetic 1234",), licence="CC BY 4.0")
+    checkpoint.save(folder, checkpoint.TrainingState(parts), 7, config)
     return folder, model
 
 
@@ -31,18 +31,18 @@ def test_a_model_is_completed(tmp_path, model_folder):
     with pytest.raises(InputError, match="completes a model; name it with --onto"):
         exporting.export(run, tmp_path / "alone")
     made = exporting.export(run, tmp_path / "both", onto=model_folder)
-    assert {p.name for p in made.iterdir()} == {"model.json", "step.onnx", "phases.npy", "target.onnx"}
-    told = json.loads((made / "model.json").read_text())["target"]
-    assert (told["latent"], told["steps"]) == (2, 7)
+    assert {p.name for p in made.iterdir()} == {p.name for p in model_folder.iterdir()} | {"target.onnx"}
+    info = json.loads((made / "model.json").read_text())["target"]
+    assert (info["latent"], info["steps"]) == (2, 7)
     session = load(made)
     assert session.completes
     assert not load(model_folder).completes
     feed = example(model, 5, 3)
-    said = session.run("target", {name: value.numpy() for name, value in feed.items()})
+    made_poses = session.run("target", {name: value.numpy() for name, value in feed.items()})
     assert "networks" not in vars(session)  # the step is not opened for it
     with torch.no_grad():
         wanted = Complete(model.eval())(*feed.values())
-    for (name, got), value in zip(said.items(), wanted, strict=True):
+    for (name, got), value in zip(made_poses.items(), wanted, strict=True):
         np.testing.assert_allclose(got, value, atol=2e-2, err_msg=name)
     assert set(session.networks) == {"step"}
 

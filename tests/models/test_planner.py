@@ -1,38 +1,39 @@
-"""The plan of a gap: its distributions, what it sees, and that it is the same wherever and whichever way a gap lies."""
+"""The planner: its input, that its plan turns with the gap, the mirror mean, and the spline over the anchors."""
 
-import copy
-import math
-
+import learning
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from stitch_learning import Elsewhere, double, drawn
-from torch.distributions import Normal as Oracle
-from torch.distributions import kl_divergence
 
 from interpose import rotation
 from interpose.data import root
-from interpose.features import RATE
-from interpose.features.stitch import ANCHORS, ends_shapes
-from interpose.models.planner import INPUT, LONGEST, POSE, Ends, GapPlan, Normal, PlanSize, divergence, normal
-from interpose.train.common import gaps
-
-numbers = st.floats(-3.0, 3.0)
+from interpose.features import POSE, RATE
+from interpose.features.plan import ANCHORS, LONGEST_PLAN_STEPS, anchor_weights, gap_shapes
+from interpose.models.planner import (
+    GAP_INPUT_WIDTH,
+    GapInput,
+    Planner,
+    PlannerSize,
+    anchor_weights_at,
+    mirrored,
+    mirrored_poses,
+)
+from interpose.motion import mirror
+from interpose.train.common.gaps import gap_input, true_anchors
 
 
 @pytest.fixture
-def plan(stitch_network):
-    return copy.deepcopy(stitch_network.plan)
+def plan(frames):
+    return learning.planner_for(frames)
 
 
 @pytest.fixture
 def ends(frames):
-    return gaps.ends(frames, drawn(frames, 8))
+    return gap_input(frames, drawn(frames, 8))
 
 
-def elsewhere(ends: Ends, there: Elsewhere) -> Ends:
+def elsewhere(ends: GapInput, there: Elsewhere) -> GapInput:
     moved = {}
     for end in ("start", "target"):
         for name, move in (
@@ -47,33 +48,16 @@ def elsewhere(ends: Ends, there: Elsewhere) -> Ends:
     return ends._replace(**moved, path=torch.cat([there.ground(x) + shift, there.ground(y)], dim=-1))
 
 
-@given(numbers, st.floats(-2.0, 2.0), numbers, st.floats(-2.0, 2.0))
-def test_divergence_is_that_of_torch(a, b, c, d):
-    q, p = ((torch.tensor([[mean]]).double(), torch.tensor([[log]]).double()) for mean, log in ((a, b), (c, d)))
-    wanted = kl_divergence(Oracle(q[0], q[1].exp()), Oracle(p[0], p[1].exp()))
-    torch.testing.assert_close(divergence(Normal(*q), Normal(*p)), wanted)
-    assert float(divergence(Normal(*q), Normal(*q))) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_head_says_a_mean_and_a_deviation_within_bounds():
-    said = normal(torch.tensor([[1.0, -2.0, -50.0, 0.5], [0.0, 0.0, 50.0, 3.5]]))
-    assert said.mean.tolist() == [[1.0, -2.0], [0.0, 0.0]]
-    assert said.log_deviation.tolist() == [[-5.0, 0.5], [3.0, 3.0]]
-    noise = torch.tensor([[1.0, 2.0], [0.0, -1.0]])
-    wanted = [[1.0 + math.exp(-5.0), -2.0 + 2.0 * math.exp(0.5)], [0.0, -math.exp(3.0)]]
-    np.testing.assert_allclose(said.at(noise), wanted, rtol=1e-6)
-
-
 def test_shapes(plan, ends):
-    assert {k: tuple(v.shape[1:]) for k, v in ends._asdict().items()} == ends_shapes(2)
-    x, frame = plan.numbers(ends)
-    assert x.shape == (8, INPUT)
+    assert {k: tuple(v.shape[1:]) for k, v in ends._asdict().items()} == gap_shapes(2)
+    x, frame = plan.features(ends)
+    assert x.shape == (8, GAP_INPUT_WIDTH)
     assert frame.shape == (8, 3, 3)
 
 
 def test_numbers_by_hand(plan, ends):
     ends = double(ends)
-    x = plan.double().numbers(ends)[0].numpy()
+    x = plan.double().features(ends)[0].numpy()
     yaw = root.pose_yaw(rotation.from_6d(ends.start_rotations[:, 0].numpy()))
     sin, cos = np.sin(yaw), np.cos(yaw)
     origin = ends.start_hips.numpy() * [1.0, 0.0, 1.0]
@@ -92,7 +76,7 @@ def test_numbers_by_hand(plan, ends):
     target_yaw = root.pose_yaw(rotation.from_6d(ends.target_rotations[:, 0].numpy()))
     share = (np.arange(ANCHORS) + 1)[:, None] / 9
     a, b = (v.numpy()[:, None, ::2] for v in (ends.start_hips, ends.target_hips))
-    line = a * (1 - share) + b * share
+    straight = a * (1 - share) + b * share
     path = ends.path.numpy()
     wanted = [
         local(ends.start_positions.numpy() - origin[:, None]),
@@ -105,7 +89,7 @@ def test_numbers_by_hand(plan, ends):
         ends.start_known,
         ends.target_known,
         np.stack([np.sin(target_yaw - yaw), np.cos(target_yaw - yaw)], axis=-1),
-        np.concatenate([ground(path[..., :2] - line), ground(path[..., 2:])], axis=-1).reshape(8, -1),
+        np.concatenate([ground(path[..., :2] - straight), ground(path[..., 2:])], axis=-1).reshape(8, -1),
         ends.path_known,
         steps / 30.0,
         1.0 / steps,
@@ -115,10 +99,10 @@ def test_numbers_by_hand(plan, ends):
 
 
 @pytest.mark.parametrize("there", [Elsewhere(), Elsewhere(-0.4, 0.0, 20.0), Elsewhere(np.pi, -7.0, 0.0)])
-def test_where_a_gap_lies_and_which_way_it_faces_is_nothing_to_the_plan(plan, ends, there):
+def test_the_plan_is_the_same_wherever_a_gap_lies(plan, ends, there):
     here = double(ends)
     plan.double()
-    (x, frame), (moved, turned) = (plan.numbers(e) for e in (here, elsewhere(here, there)))
+    (x, frame), (moved, turned) = (plan.features(e) for e in (here, elsewhere(here, there)))
     torch.testing.assert_close(moved, x, atol=1e-6, rtol=0)  # facing leans 1e-8 ahead
     torch.testing.assert_close(turned, there.vector(frame.mT).mT, atol=1e-7, rtol=0)
 
@@ -126,11 +110,10 @@ def test_where_a_gap_lies_and_which_way_it_faces_is_nothing_to_the_plan(plan, en
 def test_what_it_adds_and_what_it_recognises_turn_with_the_gap(plan, frames, ends):
     there = Elsewhere()
     chosen = drawn(frames, 8)
-    base = gaps.base(frames, chosen, gaps.anchor_times(frames.hips).expand(8, -1))
-    residual = gaps.residual(frames, chosen, base)
+    residual = true_anchors(frames, chosen).residual
     z = torch.randn(8, plan.size.latent, generator=torch.Generator().manual_seed(0))
-    x, frame = plan(ends)
-    moved, turned = plan(elsewhere(ends, there))
+    x, frame = plan.encode(ends)
+    moved, turned = plan.encode(elsewhere(ends, there))
     added = plan.decode(x, frame, z)
     assert float(added.abs().mean()) > 0.01
     wanted = there.vector(added.unflatten(-1, (-1, 3))).flatten(2)
@@ -142,20 +125,20 @@ def test_what_it_adds_and_what_it_recognises_turn_with_the_gap(plan, frames, end
     assert float((plan.recognise(x, frame, 0.0 * residual).mean - one.mean).abs().max()) > 0.1
 
 
-def test_the_posterior_sees_in_units_what_the_decoder_says_in_units(plan, ends, monkeypatch):
-    said = torch.rand(8, ANCHORS * POSE, generator=torch.Generator().manual_seed(0)) * 10.0 - 5.0
+def test_the_posterior_sees_the_units_of_the_decoder(plan, ends, monkeypatch):
+    output = torch.rand(8, ANCHORS * POSE, generator=torch.Generator().manual_seed(0)) * 10.0 - 5.0
     seen = []
 
     def listened(network, x):
         seen.append(x)
-        return said if network is plan.decoder else torch.zeros(len(x), 2 * plan.size.latent)
+        return output if network is plan.decoder else torch.zeros(len(x), 2 * plan.size.latent)
 
-    monkeypatch.setattr(plan, "_say", listened)
+    monkeypatch.setattr(plan, "_run", listened)
     plan.residual_std.uniform_(0.1, 2.0)
-    x, frame = plan(ends)
+    x, frame = plan.encode(ends)
     added = plan.decode(x, frame, torch.zeros(8, plan.size.latent))
     plan.recognise(x, frame, added)
-    torch.testing.assert_close(seen[1][:, x.shape[1] :], said, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(seen[1][:, x.shape[1] :], output, atol=1e-4, rtol=1e-4)
     plan.recognise(x, frame, 100.0 * added)
     assert float(seen[2].abs().max()) == 6.0
 
@@ -163,26 +146,28 @@ def test_the_posterior_sees_in_units_what_the_decoder_says_in_units(plan, ends, 
 def test_a_path_that_is_not_known_is_not_seen(plan, ends):
     other = ends._replace(path=ends.path + 1.0)
     unknown = [e._replace(path_known=torch.zeros(8, 1)) for e in (ends, other)]
-    assert torch.equal(plan(unknown[0])[0], plan(unknown[1])[0])
-    assert not torch.allclose(plan(ends)[0], plan(other)[0])
-    assert not torch.allclose(plan(ends)[0], plan(unknown[0])[0])
+    assert torch.equal(plan.encode(unknown[0])[0], plan.encode(unknown[1])[0])
+    assert not torch.allclose(plan.encode(ends)[0], plan.encode(other)[0])
+    assert not torch.allclose(plan.encode(ends)[0], plan.encode(unknown[0])[0])
 
 
-def test_styles_are_told_apart_and_many_steps_are_seen_as_the_longest(plan, ends):
+def test_styles_differ_and_many_steps_are_seen_as_the_longest(plan, ends):
     free = ends._replace(style=torch.eye(3)[[0] * 8])
     old = ends._replace(style=torch.eye(3)[[1] * 8])
-    assert float((plan.expect(plan(free)[0]).mean - plan.expect(plan(old)[0]).mean).abs().max()) > 0.01
+    assert float((plan.expect(plan.encode(free)[0]).mean - plan.expect(plan.encode(old)[0]).mean).abs().max()) > 0.01
     there = ends._replace(target_positions=ends.start_positions)  # the speed needed is the only other thing with time
-    long, longer = (plan(there._replace(steps=torch.full((8, 1), s)))[0] for s in (float(LONGEST), 500.0))
+    long, longer = (
+        plan.encode(there._replace(steps=torch.full((8, 1), s)))[0] for s in (float(LONGEST_PLAN_STEPS), 500.0)
+    )
     torch.testing.assert_close(long, longer, atol=0, rtol=0)
-    shorter = plan(there._replace(steps=torch.full((8, 1), LONGEST - 1.0)))[0]
+    shorter = plan.encode(there._replace(steps=torch.full((8, 1), LONGEST_PLAN_STEPS - 1.0)))[0]
     assert not torch.allclose(long, shorter)
 
 
-def test_a_fresh_plan_says_little_of_the_size_it_is_told():
-    size = PlanSize(latent=5, hidden=24, depth=2, styles=3)
-    plan = GapPlan(size).eval().requires_grad_(False)
-    x = torch.randn(4, INPUT + 64 + 32)
+def test_a_fresh_planner_adds_little():
+    size = PlannerSize(latent=5, hidden=24, depth=2, styles=3)
+    plan = Planner(size).eval().requires_grad_(False)
+    x = torch.randn(4, GAP_INPUT_WIDTH + 64 + 32)
     z = torch.randn(4, 5)
     frame = torch.eye(3).expand(4, 3, 3)
     assert plan.expect(x).mean.shape == (4, 5)
@@ -191,3 +176,54 @@ def test_a_fresh_plan_says_little_of_the_size_it_is_told():
     assert float(added.abs().max()) < 1.0
     plan.half_products = True
     torch.testing.assert_close(plan.decode(x, frame, z), added, atol=0.01, rtol=0.05)
+
+
+def test_the_plan_is_the_mean_with_its_mirror_image(plan, ends):
+    """Written out: decode both gaps at the prior's means, mirror one back."""
+    zero = torch.zeros(8, plan.size.latent)
+    (x, frame), (turned, other) = plan.encode(ends), plan.encode(mirrored(ends))
+    likeliest = plan.decode(x, frame, plan.expect(x).mean)
+    back = mirrored_poses(plan.decode(turned, other, plan.expect(turned).mean))
+    assert float((likeliest - back).abs().max()) > 0.01  # this network is not symmetrical
+    made, latent = plan(ends, zero)
+    torch.testing.assert_close(made, 0.5 * (likeliest + back), atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(latent, plan.expect(x).mean)
+    there, _ = plan(mirrored(ends), zero)
+    torch.testing.assert_close(mirrored_poses(there), made, atol=1e-5, rtol=1e-5)
+    noise = torch.randn(8, plan.size.latent, generator=torch.Generator().manual_seed(1))
+    sampled, latent = plan(ends, noise)
+    z = plan.expect(x).at(noise)
+    torch.testing.assert_close(latent, z)
+    torch.testing.assert_close(sampled, plan.decode(x, frame, z) + 0.5 * (back - likeliest), atol=1e-5, rtol=1e-5)
+
+
+def test_a_mirrored_gap_is_that_of_the_mirrored_motion(database, frames):
+    """The mirrored frames follow the originals in the data."""
+    some = drawn(frames, 20)
+    some = some.part(slice(0, 20))
+    count = database.frames
+    start = torch.where(some.start < count, some.start + count, some.start - count)
+    there = type(some)(**(vars(some) | {"start": start}))
+    there = type(there)(
+        **(vars(there) | {"start_local": frames.local[start], "target_local": frames.local[start + some.steps]})
+    )
+    made, wanted = mirrored(gap_input(frames, some)), gap_input(frames, there)
+    for name, value in wanted._asdict().items():
+        torch.testing.assert_close(getattr(made, name), value, atol=2e-4, rtol=0, msg=name)
+
+
+def test_mirrored_poses_are_those_of_the_motion(database):
+    clip = database.clip(0)
+    pose, other = (
+        torch.as_tensor(
+            np.concatenate([m.root_positions, rotation.to_6d(m.global_rotations()).reshape(len(m), -1)], axis=1)
+        )[None]
+        for m in (clip, mirror(clip))
+    )
+    torch.testing.assert_close(mirrored_poses(pose), other, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5, 18, 61, 92])
+def test_the_spline_is_that_of_the_run_time(steps):
+    parts = torch.arange(steps + 1, dtype=torch.float64)[None] / steps
+    torch.testing.assert_close(anchor_weights_at(parts)[0], torch.as_tensor(anchor_weights(steps)), atol=1e-6, rtol=0)

@@ -4,13 +4,13 @@ import pytest
 import torch
 
 from interpose.data.style_windows import STYLE_CHANNELS
-from interpose.models.style_classifier import STEP, StyleClassifier
+from interpose.models.style_classifier import FRAME_STEP, StyleClassifier
 
 
 @pytest.mark.parametrize("length", [30, 45, 60])
 def test_scores_are_one_a_style(length):
     model = StyleClassifier(5, length).eval()
-    assert model(torch.zeros(3, length // STEP, STYLE_CHANNELS)).shape == (3, 5)
+    assert model(torch.zeros(3, length // FRAME_STEP, STYLE_CHANNELS)).shape == (3, 5)
 
 
 def test_inputs_are_normalised_by_the_buffers():

@@ -15,16 +15,16 @@ from torch import Tensor, nn
 
 from interpose.export import onnx_file
 from interpose.features import CHANNELS, HISTORY, JOINTS, RATE, SIDE_KEYS, state_shapes
-from interpose.models.geometry import PARENTS, facing, joint_positions, to_matrix, to_six
+from interpose.models.geometry import PARENT_INDICES, facing, joint_positions, to_matrix, to_six
 from interpose.runtime.streaming.fading import FADE
 from interpose.skeleton import HUMANOID
 
-PARTS = 1 + JOINTS
-FADING = {"offset": (PARTS, 3), "offset_speed": (PARTS, 3), "offset_left": (1,)}
-PAST = {"past_hips": (2, 3), "past_rotations": (2, JOINTS, 6)}
+BODY_PARTS = 1 + JOINTS
+FADING_SHAPES = {"offset": (BODY_PARTS, 3), "offset_speed": (BODY_PARTS, 3), "offset_left": (1,)}
+PAST_SHAPES = {"past_hips": (2, 3), "past_rotations": (2, JOINTS, 6)}
 """What `pose.onnx` carries from frame to frame: the network's last two poses, and the offsets from them."""
-QUATERNIONS = (JOINTS, 4)
-ROTATIONS = (JOINTS, 6)
+QUATERNIONS_SHAPE = (JOINTS, 4)
+ROTATIONS_SHAPE = (JOINTS, 6)
 
 
 def _levels() -> list[list[int]]:
@@ -43,12 +43,12 @@ class BeginGraph(nn.Module):
 
     inputs: ClassVar[dict[str, tuple[int, ...]]] = {
         "start_hips": (3,),
-        "start_quaternions": QUATERNIONS,
+        "start_quaternions": QUATERNIONS_SHAPE,
         "before_hips": (3,),
-        "before_quaternions": QUATERNIONS,
+        "before_quaternions": QUATERNIONS_SHAPE,
         "before_known": (1,),
     }
-    outputs = (*state_shapes(), "path", *PAST, *FADING)
+    outputs = (*state_shapes(), "path", *PAST_SHAPES, *FADING_SHAPES)
 
     def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         hips, quaternions, before_hips, before_quaternions, known = tensors
@@ -71,7 +71,7 @@ class BeginGraph(nn.Module):
         )
         path = torch.cat([roots[1], still], dim=-1).expand(-1, SIDE_KEYS, -1)
         past = torch.stack([before, hips], dim=1), torch.stack([to_six(there), to_six(here)], dim=1)
-        fading = (hips.new_zeros(batch, *shape) for shape in FADING.values())
+        fading = (hips.new_zeros(batch, *shape) for shape in FADING_SHAPES.values())
         return (*state, path, *past, *fading)
 
 
@@ -81,9 +81,9 @@ class AimGraph(nn.Module):
 
     inputs: ClassVar[dict[str, tuple[int, ...]]] = {
         "hips": (3,),
-        "rotations": ROTATIONS,
+        "rotations": ROTATIONS_SHAPE,
         "goal_hips": (3,),
-        "goal_quaternions": QUATERNIONS,
+        "goal_quaternions": QUATERNIONS_SHAPE,
         "frames": (1,),
         "at": (5,),
     }
@@ -112,16 +112,21 @@ class PoseGraph(nn.Module):
     inputs = (
         {
             "hips": (3,),
-            "rotations": ROTATIONS,
+            "rotations": ROTATIONS_SHAPE,
             "former_hips": (3,),
-            "former_rotations": ROTATIONS,
+            "former_rotations": ROTATIONS_SHAPE,
             "change": (1,),
             "frames_left": (1,),
         }
-        | PAST
-        | FADING
+        | PAST_SHAPES
+        | FADING_SHAPES
     )
-    outputs = ("shown_hips", "shown_quaternions", "shown_positions", *(f"next_{n}" for n in (*PAST, *FADING)))
+    outputs = (
+        "shown_hips",
+        "shown_quaternions",
+        "shown_positions",
+        *(f"next_{n}" for n in (*PAST_SHAPES, *FADING_SHAPES)),
+    )
 
     def forward(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         given = dict(zip(self.inputs, tensors, strict=True))
@@ -239,7 +244,7 @@ def _exp(v: Tensor) -> Tensor:
 
 def _local(world: Tensor) -> Tensor:
     """Each joint's rotation in its parent's frame, (batch, joint, 3, 3)."""
-    below = world[:, PARENTS[1:]].transpose(-1, -2) @ world[:, 1:]
+    below = world[:, PARENT_INDICES[1:]].transpose(-1, -2) @ world[:, 1:]
     return torch.cat([world[:, :1], below], dim=1)
 
 

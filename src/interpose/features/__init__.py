@@ -15,6 +15,9 @@ RATE = MODEL_RATE
 JOINTS = len(HUMANOID)
 POSE = 3 + JOINTS * 6
 """Numbers of a pose: the hips' position, then the joints' global rotations as 6-D."""
+RESIDUAL_HIPS_SCALE = 0.02
+RESIDUAL_ROTATION_SCALE = 0.08
+"""One unit of what a network adds to its base: metres for the hips, 6-D for the joints."""
 CHANNELS = 10
 """Phase channels (section 3.1.2)."""
 KEYS = 13

@@ -4,17 +4,15 @@ A step takes the state of a roll-out and what steers it, in world units, and ret
 normalisation, network and geometry are all inside, so that training, ONNX and the run time cannot disagree.
 
 The network is the paper's: expert layers blended by a gate that sees phases, style and time to arrival. Blending the
-weights of linear layers and blending their outputs are the same thing; the output form is one large product
-(docs/method.md). What it predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a
-residual on the interpolation base (docs/method.md): with A the interpolation from start to target, c the frames
-gone and k those left,
+weights of linear layers and blending their outputs are the same thing; the latter is one large product. What it
+predicts has two forms. ``absolute`` is the paper's: the next pose. The default is a residual on the interpolation base:
+with A the interpolation from start to target, c the frames gone and k those left,
 
     next = A(c+1) + (k-1)/k (current - A(c)) + [k > 1] net,
 
 in 6-D, so that what the network adds decays to nothing at the target and arrival is exact whatever it says.
 
-With a planner (`interpose.models.planner`, docs/method.md) A is what that foresees of the whole gap, so that the
-steps need not find the way, only walk it.
+With a planner (`interpose.models.planner`) A is its prediction of the whole gap, so that the steps only fill it in.
 """
 
 from __future__ import annotations
@@ -45,11 +43,8 @@ from interpose.models.geometry import facing, joint_positions, root_frame, to_ma
 from interpose.models.layers import ExpertLinear, sinusoids
 from interpose.models.planner import Planner, PlannerSize
 
-BANK = 256
+PHASE_BANK_SIZE = 256
 """Phase windows kept with the model."""
-HIPS_SCALE = 0.02
-ROTATION_SCALE = 0.08
-"""What one unit of the network's residual means: metres for the hips, 6-D for the joints."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +162,9 @@ class DCMoE(nn.Module):
         self.register_buffer("std", torch.ones(EXPERT_INPUT.width))
         self.register_buffer("out_mean", torch.zeros(self.layout.width))
         self.register_buffer("out_std", torch.ones(self.layout.width))
-        self.register_buffer("phase_bank", torch.zeros(BANK, KEYS, CHANNELS, 2))  # real windows, to begin variants in
+        self.register_buffer(
+            "phase_bank", torch.zeros(PHASE_BANK_SIZE, KEYS, CHANNELS, 2)
+        )  # real windows, to begin variants in
 
     def features(
         self, state: State, control: Control
@@ -282,7 +279,7 @@ class DCMoE(nn.Module):
 
     @staticmethod
     def _phases(state: State, predicted: Float[Tensor, "batch key channel 3"]) -> Float[Tensor, "batch key channel 2"]:
-        """The phase update (docs/method.md): each key's old phase, turned by its frequency, averaged in direction
+        """The phase update: each key's old phase, turned by its frequency, averaged in direction
         with the predicted one, at the predicted amplitude. Where the old one is unknown (nil), that one stands."""
         before = torch.cat([state.phase_past[:, -1:], state.phase_future], dim=1)
         angle = predicted[..., 2] * (2.0 * math.pi / RATE)

@@ -1,6 +1,6 @@
 """The detail transformer of Qin et al. 2022 (`Motion In-betweening via Two-stage Transformers`), on top of stitching.
 
-It sees a whole rough transition with both its keys, a frame a token, and says what to add to it:
+It sees a whole rough transition with both its keys, a frame a token, and predicts what to add to it:
 pre-normalised attention layers with learned relative positions and no absolute ones, so that any length goes. What it
 adds is nil at both keys.
 """
@@ -14,16 +14,13 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from interpose.features import JOINTS, RATE
+from interpose.features import JOINTS, RATE, RESIDUAL_HIPS_SCALE, RESIDUAL_ROTATION_SCALE
 from interpose.models.geometry import facing, joint_positions, root_frame, to_matrix, to_six
 
-HIPS_SCALE = 0.02
-ROTATION_SCALE = 0.08
-"""What one unit of the output means: metres, 6-D."""
-SEEN = JOINTS * 12 + 3 + 4 + 2
+TOKEN_WIDTH = JOINTS * 12 + 3 + 4 + 2
 """A token: hips, joint rotations as 6-D, positions and velocities, contacts, 1 for a key, and the seconds to the nearer
 key."""
-REACH = 64
+RELATIVE_REACH = 64
 """Frames apart from which on two frames are seen as so far apart."""
 
 
@@ -69,15 +66,15 @@ class DetailTransformer(nn.Module):
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the network, in training only
-        self.enter = nn.Sequential(nn.Linear(SEEN, size.width), nn.PReLU(), nn.Linear(size.width, size.width))
+        self.enter = nn.Sequential(nn.Linear(TOKEN_WIDTH, size.width), nn.PReLU(), nn.Linear(size.width, size.width))
         self.layers = nn.ModuleList([Layer(size) for _ in range(size.layers)])
         last = nn.Linear(size.width, 3 + JOINTS * 6 + 4)
         with torch.no_grad():
             last.weight *= 0.1
             last.bias.zero_()
         self.leave = nn.Sequential(nn.LayerNorm(size.width), last)
-        self.register_buffer("mean", torch.zeros(SEEN))
-        self.register_buffer("std", torch.ones(SEEN))
+        self.register_buffer("mean", torch.zeros(TOKEN_WIDTH))
+        self.register_buffer("std", torch.ones(TOKEN_WIDTH))
 
     def tokens(
         self,
@@ -85,7 +82,7 @@ class DetailTransformer(nn.Module):
         rotations: Float[Tensor, "row frame 22 6"],
         contacts: Float[Tensor, "row frame 4"],
     ) -> tuple[Float[Tensor, "row frame wide"], Float[Tensor, "row 1 3 3"]]:
-        """The tokens before normalisation, and the start's root frame, in which they are said."""
+        """The tokens before normalisation, and the start's root frame, in which they are out."""
         count, frames = hips.shape[:2]
         frame = root_frame(facing(to_matrix(rotations[:, 0, 0])))[:, None]
         origin = hips[:, :1] * hips.new_tensor([1.0, 0.0, 1.0])
@@ -104,7 +101,7 @@ class DetailTransformer(nn.Module):
         )
         order = torch.arange(frames, device=hips.device, dtype=hips.dtype)
         near = torch.minimum(order, order.flip(0))[None, :, None].expand(count, -1, -1)
-        place = torch.cat([(near < 0.5).to(hips.dtype), near.clamp(max=REACH) / RATE], dim=-1)
+        place = torch.cat([(near < 0.5).to(hips.dtype), near.clamp(max=RELATIVE_REACH) / RATE], dim=-1)
         return torch.cat([(vectors @ frame).flatten(2), contacts, place], dim=-1), frame
 
     def forward(
@@ -117,7 +114,7 @@ class DetailTransformer(nn.Module):
         count, frames = hips.shape[:2]
         x, frame = self.tokens(hips, rotations, contacts)
         order = torch.arange(frames, device=hips.device, dtype=hips.dtype)
-        apart = ((order[None] - order[:, None]).clamp(-REACH, REACH) / RATE)[..., None]
+        apart = ((order[None] - order[:, None]).clamp(-RELATIVE_REACH, RELATIVE_REACH) / RATE)[..., None]
         with torch.autocast(x.device.type, torch.bfloat16, enabled=self.half_products):
             x = self.enter(((x - self.mean) / self.std).clamp(-6.0, 6.0))
             for layer in self.layers:
@@ -125,8 +122,8 @@ class DetailTransformer(nn.Module):
             out = self.leave(x).float()
         inside = (torch.minimum(order, order.flip(0)) > 0.5).to(out.dtype)[:, None]
         added = (out[..., :-4].reshape(count, frames, -1, 3) @ frame.transpose(-1, -2)).flatten(2) * inside
-        six = rotations + ROTATION_SCALE * added[..., 3:].reshape(count, frames, JOINTS, 6)
-        return hips + HIPS_SCALE * added[..., :3], to_six(to_matrix(six)), out[..., -4:]
+        six = rotations + RESIDUAL_ROTATION_SCALE * added[..., 3:].reshape(count, frames, JOINTS, 6)
+        return hips + RESIDUAL_HIPS_SCALE * added[..., :3], to_six(to_matrix(six)), out[..., -4:]
 
 
 def refined_loss(
@@ -136,7 +133,7 @@ def refined_loss(
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """L1 of rotations, of positions, of the joints' steps, cross-entropy of contacts, and the way of feet that stand
     (Qin et al. 2022, section 4.3; the steps are ours). true: rotations, positions and contacts."""
-    hips, rotations, said = made
+    hips, rotations, out = made
     turned, placed, down = true
     shape = placed.shape
     positions = joint_positions(hips.flatten(0, 1), to_matrix(rotations).flatten(0, 1)).reshape(shape)
@@ -146,7 +143,7 @@ def refined_loss(
         "rotation": (rotations - turned).abs().mean(),
         "position": (positions - placed).abs().mean(),
         "displacement": (step - (placed[:, 1:] - placed[:, :-1])).abs().mean(),
-        "contact": F.binary_cross_entropy_with_logits(said, down),
+        "contact": F.binary_cross_entropy_with_logits(out, down),
         "foot": (stands * step[:, :, list(feet)].abs()).mean(),
     }
     weights = {"rotation": 1.0, "position": 2.0, "displacement": 5.0, "contact": 0.05, "foot": 5.0}

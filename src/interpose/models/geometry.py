@@ -13,7 +13,7 @@ from torch import Tensor
 
 from interpose.skeleton import HUMANOID
 
-PARENTS = torch.tensor([max(p, 0) for p in HUMANOID.parents])
+PARENT_INDICES = torch.tensor([max(p, 0) for p in HUMANOID.parents])
 OFFSETS = torch.tensor(HUMANOID.offsets, dtype=torch.float32)
 
 
@@ -45,7 +45,7 @@ def joint_positions(
 ) -> Float[Tensor, "batch joint 3"]:
     """Forward kinematics from global rotations: a bone is its parent's rotation times a constant, and a joint the sum
     of the bones on its way from the hips, which is one matrix product."""
-    bones = (m[:, PARENTS] * OFFSETS[:, None, :].to(m)).sum(dim=-1)
+    bones = (m[:, PARENT_INDICES] * OFFSETS[:, None, :].to(m)).sum(dim=-1)
     return hips[:, None] + ANCESTORS.to(m) @ bones
 
 

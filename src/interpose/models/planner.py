@@ -22,7 +22,7 @@ from interpose.skeleton import MIRROR
 
 TIME_WIDTH = 64
 STYLE_WIDTH = 32
-INPUT_WIDTH = 2 * (JOINTS * 12 + 1) + JOINTS * 3 + 2 + ANCHORS * 4 + 1 + 3
+GAP_INPUT_WIDTH = 2 * (JOINTS * 12 + 1) + JOINTS * 3 + 2 + ANCHORS * 4 + 1 + 3
 """Numbers of the input that are normalised; time and style embeddings come beside."""
 _FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
@@ -68,13 +68,13 @@ class Planner(nn.Module):
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the networks, in training only
-        wide = INPUT_WIDTH + TIME_WIDTH + STYLE_WIDTH
+        wide = GAP_INPUT_WIDTH + TIME_WIDTH + STYLE_WIDTH
         self.style = nn.Linear(size.styles + 1, STYLE_WIDTH, bias=False)
         self.prior = residual_mlp(wide, 512, 2 * size.latent, 2, size.dropout)
         self.posterior = residual_mlp(wide + ANCHORS * POSE, 512, 2 * size.latent, 2)
         self.decoder = residual_mlp(wide + size.latent, size.hidden, ANCHORS * POSE, size.depth, size.dropout)
-        self.register_buffer("mean", torch.zeros(INPUT_WIDTH))
-        self.register_buffer("std", torch.ones(INPUT_WIDTH))
+        self.register_buffer("mean", torch.zeros(GAP_INPUT_WIDTH))
+        self.register_buffer("std", torch.ones(GAP_INPUT_WIDTH))
         self.register_buffer("residual_std", torch.ones(ANCHORS * POSE))
 
     def features(self, gap: GapInput) -> tuple[Float[Tensor, "batch wide"], Float[Tensor, "batch 3 3"]]:

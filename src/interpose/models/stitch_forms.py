@@ -1,4 +1,4 @@
-"""What the generators of S-CVAE see and say: the paper's form and the one that works (docs/method.md).
+"""Inputs and outputs of S-CVAE's generators: the paper's form and our own, ``yaw``.
 
 ``paper`` (Ren et al. 2024, section 4.1): local quaternions, the root's velocity and contacts (95); the quaternions' and
 the root's difference from the target (91); the target's quaternions (88); the network says what is added to the
@@ -24,7 +24,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from interpose.features import JOINTS, RATE
+from interpose.features import JOINTS, RATE, RESIDUAL_HIPS_SCALE, RESIDUAL_ROTATION_SCALE
 from interpose.models.geometry import (
     OFFSETS,
     facing,
@@ -35,9 +35,6 @@ from interpose.models.geometry import (
 )
 from interpose.skeleton import HUMANOID
 
-HIPS_SCALE = 0.02
-ROTATION_SCALE = 0.08
-"""What one unit of the yaw form's output means: metres, 6-D."""
 VELOCITY_SCALE = 0.02
 QUATERNION_SCALE = 0.05
 """What one unit of the paper form's output means: metres a frame, quaternion components."""
@@ -155,8 +152,8 @@ class Yaw:
         batch = body.hips.shape[0]
         moving = ((aim.left - 1.0) / 3.0).clamp(0.0, 1.0)
         added = (out[:, :-4].reshape(batch, -1, 3) @ features.frame.transpose(-1, -2)).flatten(1) * moving
-        hips = features.led[:, :3] + HIPS_SCALE * added[:, :3]
-        matrices = to_matrix((features.led[:, 3:] + ROTATION_SCALE * added[:, 3:]).reshape(batch, JOINTS, 6))
+        hips = features.led[:, :3] + RESIDUAL_HIPS_SCALE * added[:, :3]
+        matrices = to_matrix((features.led[:, 3:] + RESIDUAL_ROTATION_SCALE * added[:, 3:]).reshape(batch, JOINTS, 6))
         positions = joint_positions(hips, matrices)
         after = body._replace(
             hips=hips,

@@ -4,7 +4,7 @@ A step takes the state of a chain, what it is led to and a latent z, and makes t
 experts, phases and geometry are all inside, so that training, ONNX and the run time cannot disagree. The backward
 generator is the same network with weights of its own, on motion that runs backwards.
 
-Two forms (`interpose.models.stitch_forms`): ``paper`` is the letter, ``yaw`` what works (docs/method.md). A
+Two forms (`interpose.models.stitch_forms`): ``paper`` as printed, and ``yaw``, our default (docs/method.md). A
 latent is one for the whole gap (``gap``), from a :class:`~interpose.models.planner.Planner`, or one a frame
 (``frame``), from the generator's own encoder with latent interpolation (equations 1 and 2), as printed.
 """
@@ -26,11 +26,11 @@ from interpose.models.normal import Normal, normal
 from interpose.models.planner import Planner, PlannerSize
 from interpose.models.stitch_forms import FORMS, Aim, Body
 
-PHASES = 4
+LOCAL_PHASES = 4
 """A point on the circle for each foot's contacts (Starke et al. 2020), by its amplitude."""
 LONGEST_CHAIN = 50.0
 """Frames to arrival that the generators are trained for (section 4.3); more are seen as these."""
-STYLE = 16
+CHAIN_STYLE_WIDTH = 16
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,11 @@ class LocalPhase(nn.Module):
     def __init__(self, state: int) -> None:
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(state + PHASES, 256), nn.SiLU(), nn.Linear(256, 256), nn.SiLU(), nn.Linear(256, PHASES)
+            nn.Linear(state + LOCAL_PHASES, 256),
+            nn.SiLU(),
+            nn.Linear(256, 256),
+            nn.SiLU(),
+            nn.Linear(256, LOCAL_PHASES),
         )
 
     def forward(self, state: Float[Tensor, "batch wide"], phase: Float[Tensor, "batch 4"]) -> Float[Tensor, "batch 4"]:
@@ -120,10 +124,10 @@ class Generator(nn.Module):
         else:  # what the encoder remembers would reach the decoder through z alone
             seen += size.memory
         if size.form != "paper":
-            self.style = nn.Linear(size.styles + 1, STYLE, bias=False)
-            seen += STYLE
+            self.style = nn.Linear(size.styles + 1, CHAIN_STYLE_WIDTH, bias=False)
+            seen += CHAIN_STYLE_WIDTH
         self.decoder_memory = Cell(seen, size.decoder_memory)
-        gated = PHASES if size.form == "paper" else PHASES + 4 + size.latent + 1
+        gated = LOCAL_PHASES if size.form == "paper" else LOCAL_PHASES + 4 + size.latent + 1
         self.gate = nn.Sequential(
             nn.Linear(gated, size.gate[0]),
             nn.SiLU(),
@@ -162,10 +166,10 @@ class Generator(nn.Module):
             seen = self.state_encoder(state) + time
             there = self.target_encoder(target) + time
             remembered, cell = self._remember([seen, self.offset_encoder(offset) + time, there], memory)
-            said = None
+            distribution = None
             if self.size.latents == "frame":
-                said = self._latent(remembered, there, memory, latent.share, body, aim)
-                z = said.at(latent.value)
+                distribution = self._latent(remembered, there, memory, latent.share, body, aim)
+                z = distribution.at(latent.value)
                 parts = [z, seen, there]
             else:
                 z = latent.value
@@ -183,7 +187,7 @@ class Generator(nn.Module):
             out = self.experts[-1](out, gate).float()
         after, contacts = self.form.advance(body, aim, features, out)
         after = after._replace(phase=phase)
-        return after, Memory(remembered, cell, hidden, decoder), contacts, said
+        return after, Memory(remembered, cell, hidden, decoder), contacts, distribution
 
     def _remember(self, parts: list[Tensor], memory: Memory) -> tuple[Tensor, Tensor]:
         joined = torch.cat([part.float() for part in parts], dim=-1)

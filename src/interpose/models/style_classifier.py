@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from interpose.data.style_windows import STYLE_CHANNELS
 
-STEP = 2
+FRAME_STEP = 2
 """Every second frame is looked at: 15 Hz, which holds what tells styles apart."""
 
 
@@ -34,5 +34,5 @@ class StyleClassifier(nn.Module):
 
     def forward(self, windows: Float[Tensor, "row time channel"]) -> Float[Tensor, "row style"]:
         """Scores before the softmax, from windows of every second frame (`interpose.data.style_windows`)."""
-        said = self.body(((windows - self.mean) / self.deviation).transpose(1, 2))
-        return self.head(torch.cat([said.mean(dim=2), said.amax(dim=2)], dim=1))
+        out = self.body(((windows - self.mean) / self.deviation).transpose(1, 2))
+        return self.head(torch.cat([out.mean(dim=2), out.amax(dim=2)], dim=1))

@@ -23,14 +23,14 @@ from interpose.models.layers import residual_mlp
 from interpose.models.normal import Normal, normal
 from interpose.skeleton import HUMANOID
 
-OUTPUT_WIDTH = POSE + len(CONTACT_JOINTS)
+TARGET_OUTPUT_WIDTH = POSE + len(CONTACT_JOINTS)
 LONGEST_TARGET_FRAMES = 300
 """Frames to the target; more are seen as these."""
-TORSO = ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head")
-LEGS = ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
-TURNED_BY = [HUMANOID.index(name) for name in (*TORSO, *LEGS)]
+TORSO_JOINTS = ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head")
+LEG_JOINTS = ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
+TURNED_BY = [HUMANOID.index(name) for name in (*TORSO_JOINTS, *LEG_JOINTS)]
 """Joints that tell which way the target faces, the surest first; where none of them is given it is the start's way."""
-INPUT_WIDTH = 2 * JOINTS * 9 + JOINTS * 3 + 1 + JOINTS + 2 + 2 + 2 + 2 + 3
+TARGET_INPUT_WIDTH = 2 * JOINTS * 9 + JOINTS * 3 + 1 + JOINTS + 2 + 2 + 2 + 2 + 3
 """Numbers of the input that are normalised: start, its velocities and their flag, what is given, its flags, where the
 start lies and looks, the speed needed, the time."""
 
@@ -100,12 +100,12 @@ class TargetPose(nn.Module):
         super().__init__()
         self.size = size
         self.half_products = False  # bfloat16 inside the networks, in training only
-        wide = INPUT_WIDTH + 32
+        wide = TARGET_INPUT_WIDTH + 32
         self.style = nn.Linear(size.styles + 1, 32, bias=False)
         self.posterior = residual_mlp(wide + POSE, size.hidden, 2 * size.latent, 2)
-        self.decoder = residual_mlp(wide + size.latent, size.hidden, OUTPUT_WIDTH, size.depth, size.dropout)
-        self.register_buffer("mean", torch.zeros(INPUT_WIDTH))
-        self.register_buffer("std", torch.ones(INPUT_WIDTH))
+        self.decoder = residual_mlp(wide + size.latent, size.hidden, TARGET_OUTPUT_WIDTH, size.depth, size.dropout)
+        self.register_buffer("mean", torch.zeros(TARGET_INPUT_WIDTH))
+        self.register_buffer("std", torch.ones(TARGET_INPUT_WIDTH))
         self.register_buffer("residual_std", torch.ones(POSE))
 
     def numbers(self, known: TargetInput) -> tuple[Float[Tensor, "batch wide"], Place]:
@@ -167,17 +167,17 @@ class TargetPose(nn.Module):
     def recognise(self, x: Float[Tensor, "batch wide"], place: Place, known: TargetInput) -> Normal:
         """The posterior q(z | the same, the true target): that of ``known``, all of it."""
         true = residual(place, known) / self.residual_std
-        return normal(self._say(self.posterior, torch.cat([x, true.clamp(-6.0, 6.0)], dim=-1)))
+        return normal(self._run(self.posterior, torch.cat([x, true.clamp(-6.0, 6.0)], dim=-1)))
 
     def decode(
         self, x: Float[Tensor, "batch wide"], place: Place, known: TargetInput, z: Float[Tensor, "batch unit"]
     ) -> Completed:
         """The whole pose: given joints are turned as they should be, given hips are where they should be."""
-        out = self._say(self.decoder, torch.cat([x, z], dim=-1))
+        out = self._run(self.decoder, torch.cat([x, z], dim=-1))
         hips, rotations = posed(place, known, out[:, :POSE] * self.residual_std)
         return Completed(hips, rotations, out[:, POSE:])
 
-    def _say(self, network: nn.Module, x: Float[Tensor, "batch wide"]) -> Float[Tensor, "batch out"]:
+    def _run(self, network: nn.Module, x: Float[Tensor, "batch wide"]) -> Float[Tensor, "batch out"]:
         with torch.autocast(x.device.type, torch.bfloat16, enabled=self.half_products):
             return network(x).float()
 

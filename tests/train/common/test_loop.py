@@ -39,7 +39,7 @@ class Noisy:
         self.optimizer = torch.optim.AdamW(self.model.parameters())
         self.ema = loop.moving_average(self.model, 0.9)
         self.numbers, self.draws = np.random.default_rng(1), torch.Generator().manual_seed(2)
-        self.state = checkpoint.State(
+        self.state = checkpoint.TrainingState(
             {"model": self.model, "optimizer": self.optimizer, "ema": self.ema},
             {"numbers": self.numbers, "draws": self.draws},
             {"carried": torch.zeros(3)},
@@ -193,7 +193,7 @@ import os, torch
 from dataclasses import dataclass
 from pathlib import Path
 from interpose.train import loop
-from interpose.train.common.checkpoint import State
+from interpose.train.common.checkpoint import TrainingState
 
 @dataclass(frozen=True)
 class Config:

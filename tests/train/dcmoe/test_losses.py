@@ -10,7 +10,7 @@ from interpose.features import RATE
 from interpose.models.dcmoe import Prediction
 from interpose.skeleton import HUMANOID
 from interpose.train.dcmoe import losses
-from interpose.train.dcmoe.losses import Weights, paper, terms, unrolled
+from interpose.train.dcmoe.losses import RollOutWeights, paper, terms, unrolled
 from interpose.train.dcmoe.sequences import Truth
 
 ROWS, JOINTS, KEYS = 3, 22, 7
@@ -64,7 +64,7 @@ def test_a_perfect_prediction_costs_nothing(case):
     assert set(each) == {"pos", "rot", "vel", "contacts", "traj", "phase", "contacts'", "pos'"}
     only(each, None, 0.0)
     assert float(total) == pytest.approx(0.0, abs=1e-5)
-    total, each = unrolled(said, truth, here, Weights())
+    total, each = unrolled(said, truth, here, RollOutWeights())
     only(each, None, 0.0)
     assert float(total) == pytest.approx(0.0, abs=1e-4)
 
@@ -132,7 +132,7 @@ def test_the_papers_weights_are_1_and_2_5(case):
     torch.testing.assert_close(total, sum(each.values()) + 1.5 * consistency)
 
 
-@pytest.mark.parametrize("weighed", [terms, lambda *args: unrolled(*args, Weights())[1]])
+@pytest.mark.parametrize("weighed", [terms, lambda *args: unrolled(*args, RollOutWeights())[1]])
 def test_rows_that_have_arrived_have_no_influence(case, weighed):
     said, truth, here = case
     torch.manual_seed(2)
@@ -165,7 +165,7 @@ def test_rows_that_have_arrived_have_no_influence(case, weighed):
 def test_nothing_alive_is_nought_and_finite(case):
     said, truth, here = case
     truth = replace(truth, alive=torch.zeros(ROWS))
-    for total, each in (paper(said, truth, here + 1.0), unrolled(said, truth, here + 1.0, Weights())):
+    for total, each in (paper(said, truth, here + 1.0), unrolled(said, truth, here + 1.0, RollOutWeights())):
         assert float(total) == 0.0
         only(each, None, 0.0)
 
@@ -176,7 +176,7 @@ def test_keys_beyond_the_target_have_no_influence(case):
     far = changed(far, "phases", (slice(None), slice(5, None)), 9.0)
     far = changed(far, "contacts", (slice(None), slice(5, None)), 90.0)
     only(terms(far, truth, here), None, 0.0)
-    only(unrolled(far, truth, here, Weights())[1], None, 0.0)
+    only(unrolled(far, truth, here, RollOutWeights())[1], None, 0.0)
 
 
 # Our own loss: the mean of absolute differences, so one number off by v of 66 in one row of three comes out as v / 198.
@@ -190,14 +190,14 @@ def test_keys_beyond_the_target_have_no_influence(case):
 )
 def test_our_terms_are_mean_absolute_differences(case, field, index, name, numbers):
     said, truth, here = case
-    total, each = unrolled(changed(said, field, index, 0.6), truth, here, Weights())
+    total, each = unrolled(changed(said, field, index, 0.6), truth, here, RollOutWeights())
     only(each, name, 0.6 / numbers)
-    assert float(total) == pytest.approx(getattr(Weights(), name) * 0.6 / numbers, abs=1e-4)
+    assert float(total) == pytest.approx(getattr(RollOutWeights(), name) * 0.6 / numbers, abs=1e-4)
 
 
 def test_a_joint_off_its_place_costs_position_displacement_and_consistency(case):
     said, truth, here = case
-    _, each = unrolled(changed(said, "positions", (1, 4, 2), 0.6), truth, here, Weights())
+    _, each = unrolled(changed(said, "positions", (1, 4, 2), 0.6), truth, here, RollOutWeights())
     share = 0.6 / (JOINTS * 3 * ROWS)
     wanted = {"position": share, "displacement": share, "consistency": share}
     for name, value in each.items():
@@ -209,7 +209,7 @@ def test_a_truly_planted_foot_must_not_move(case):
     contacts = truth.contacts.clone()
     contacts[2, 0, CONTACT_JOINTS.index("LeftToe")] = 1.0
     moved = float((said.positions - here)[2, LEFT_TOE].norm())
-    _, each = unrolled(said, replace(truth, contacts=contacts), here, Weights())
+    _, each = unrolled(said, replace(truth, contacts=contacts), here, RollOutWeights())
     assert float(each["foot"]) == pytest.approx(moved / 4 / ROWS, rel=1e-5)
 
 
@@ -217,7 +217,7 @@ def test_contacts_are_judged_by_cross_entropy(case):
     said, truth, here = case
     unsure = said.contacts.clone()
     unsure[0, 2, 3] = 0.0
-    _, each = unrolled(said._replace(contacts=unsure), truth, here, Weights())
+    _, each = unrolled(said._replace(contacts=unsure), truth, here, RollOutWeights())
     only(each, "contact", 0.6931472 / (4 * 5 * ROWS))
 
 
@@ -227,17 +227,17 @@ def test_every_term_has_a_weight(case):
     off = Prediction(*(x + 0.1 * torch.randn_like(x) for x in said))
     off = off._replace(contacts=torch.randn_like(said.contacts))
     truth = replace(truth, contacts=torch.ones_like(truth.contacts))
-    total, each = unrolled(off, truth, here, Weights())
+    total, each = unrolled(off, truth, here, RollOutWeights())
     assert set(each) == set(Weights.__dataclass_fields__) - {"skate", "energy"}
     assert all(float(value) > 0.0 for value in each.values())
-    torch.testing.assert_close(total, sum(getattr(Weights(), name) * value for name, value in each.items()))
+    torch.testing.assert_close(total, sum(getattr(RollOutWeights(), name) * value for name, value in each.items()))
     for name in each:
-        without, _ = unrolled(off, truth, here, replace(Weights(), **{name: 0.0}))
-        torch.testing.assert_close(total - without, getattr(Weights(), name) * each[name], atol=1e-5, rtol=1e-4)
+        without, _ = unrolled(off, truth, here, replace(RollOutWeights(), **{name: 0.0}))
+        torch.testing.assert_close(total - without, getattr(RollOutWeights(), name) * each[name], atol=1e-5, rtol=1e-4)
 
 
 def test_feet_are_found_by_name():
-    assert [HUMANOID.names[joint] for joint in losses.FEET] == list(CONTACT_JOINTS)
+    assert [HUMANOID.names[joint] for joint in losses._FOOT_JOINTS] == list(CONTACT_JOINTS)
 
 
 def still(frames, height=0.0):
@@ -273,7 +273,7 @@ def test_energy_is_the_logarithm_of_the_jerks_ratio():
 def test_windows_count_the_rows_that_are_inside_their_gap():
     true = torch.randn(2, 12, JOINTS, 3, generator=torch.Generator().manual_seed(0))
     made = torch.stack([2.0 * true[0], 50.0 * true[1]])
-    total, each = losses.windows(made, true, torch.tensor([1.0, 0.0]), Weights(skate=0.0, energy=3.0))
+    total, each = losses.windows(made, true, torch.tensor([1.0, 0.0]), RollOutWeights(skate=0.0, energy=3.0))
     assert float(each["energy"]) == pytest.approx(float(losses.energy(made, true)[0]))
     assert float(total) == pytest.approx(3.0 * float(each["energy"]))
-    assert float(losses.windows(made, true, torch.zeros(2), Weights())[0]) == 0.0
+    assert float(losses.windows(made, true, torch.zeros(2), RollOutWeights())[0]) == 0.0

@@ -8,16 +8,17 @@ import stitch_learning
 import torch
 
 from interpose.models.discriminator import Discriminators
-from interpose.train.common import gaps
+from interpose.train.common.gaps import evenly
 from interpose.train.stitch import objectives
-from interpose.train.stitch.objectives import phase_loss, plan_loss, stitch_loss
+from interpose.train.stitch.losses import PAPER_WEIGHTS
+from interpose.train.stitch.objectives import phase_loss, stitch_loss
 from interpose.train.stitch.phase_targets import phase_targets
 
 CONFIG, PAPER = stitch_learning.CONFIG, stitch_learning.PAPER
 
 
 @pytest.fixture(scope="module")
-def letter(frames):
+def paper_network(frames):
     """The paper's form; not to be changed."""
     return stitch_learning.network_for(frames, PAPER)
 
@@ -33,8 +34,8 @@ def learned(total, model):
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
-def test_phases_that_stay_are_foreseen_by_networks_that_say_nothing(stitch_network, letter, frames, form):
-    model = copy.deepcopy(stitch_network if form == "yaw" else letter)
+def test_phases_that_stay_are_predicted_by_silent_networks(stitch_network, paper_network, frames, form):
+    model = copy.deepcopy(stitch_network if form == "yaw" else paper_network)
     for side in (model.front, model.back):
         side.phases.layers[-1].weight.zero_()
         side.phases.layers[-1].bias.zero_()
@@ -48,28 +49,28 @@ def test_phases_that_stay_are_foreseen_by_networks_that_say_nothing(stitch_netwo
     assert total == pytest.approx(2 * (0.4 * 0.1 * 0.798 + 0.2 * 0.5), rel=0.05)
 
 
-def test_the_backward_network_foresees_phases_that_turn_backwards(stitch_network, frames, monkeypatch):
-    asked = []
+def test_the_backward_network_predicts_phases_that_turn_backwards(stitch_network, frames, monkeypatch):
+    calls = []
     model = copy.deepcopy(stitch_network)
     for side in (model.front, model.back):
         monkeypatch.setattr(
-            side.phases, "forward", lambda state, phase: asked.append((state, phase)) or torch.zeros_like(phase)
+            side.phases, "forward", lambda state, phase: calls.append((state, phase)) or torch.zeros_like(phase)
         )
     starts = torch.arange(64) + 20
     monkeypatch.setattr(
-        gaps, "draw", lambda *args, steps: replace(gaps.evenly(frames, 2, 64, 2), start=starts, steps=starts * 0 + 2)
+        objectives, "draw", lambda *args, steps: replace(evenly(frames, 2, 64, 2), start=starts, steps=starts * 0 + 2)
     )
     phases = torch.linspace(0.1, 1.0, len(frames))[:, None] * torch.tensor([1.0, 2.0, -1.0, 0.5])
     total, _ = phase_loss(model, frames, phases, 64, draws())
     assert float(total) == pytest.approx(float(phases[22:86].abs().mean() + phases[20:84].abs().mean()), rel=1e-5)
     plain = phases[21:85]
-    for (state, phase), sign in zip(asked, (1.0, -1.0), strict=True):
-        told = phase[(phase - plain * torch.tensor([sign, 1.0, sign, 1.0])).abs().amax(dim=1) < 1e-6]
-        assert 0.25 < len(told) / 64 < 0.6  # neither blurred nor kept back
+    for (state, phase), sign in zip(calls, (1.0, -1.0), strict=True):
+        unchanged = phase[(phase - plain * torch.tensor([sign, 1.0, sign, 1.0])).abs().amax(dim=1) < 1e-6]
+        assert 0.25 < len(unchanged) / 64 < 0.6  # neither blurred nor kept back
         assert int((phase == 0.0).all(dim=1).sum()) > 3
         assert state.shape == (64, 269)
     where = slice(198, 264)
-    seen = [state[:, where] for state, _ in asked]
+    seen = [state[:, where] for state, _ in calls]
     velocities = [
         x * side.state_std[where] + side.state_mean[where]
         for x, side in zip(seen, (model.front, model.back), strict=True)
@@ -80,7 +81,7 @@ def test_the_backward_network_foresees_phases_that_turn_backwards(stitch_network
     assert float(apart) < 0.4 * float(velocities[0][inside].abs().mean())
 
 
-def test_phase_and_plan_losses_teach_their_own_part_alone(stitch_network, frames):
+def test_the_phase_loss_teaches_the_phases_alone(stitch_network, frames):
     model = copy.deepcopy(stitch_network).requires_grad_()
     total, each = phase_loss(model, frames, phase_targets(frames), 32, draws())
     assert torch.equal(total, each["phase"])
@@ -88,41 +89,20 @@ def test_phase_and_plan_losses_teach_their_own_part_alone(stitch_network, frames
     taught = {n for n, p in model.named_parameters() if p.grad is not None and p.grad.any()}
     assert taught
     assert all(".phases." in name for name in taught)
-    model.zero_grad()
-    total, each = plan_loss(model, frames, CONFIG, 32, draws())
-    assert learned(total, model) == {"plan"}
-    for part in (model.plan.prior, model.plan.posterior, model.plan.decoder, model.plan.style):
-        assert all(p.grad is not None for p in part.parameters())
-    w = CONFIG.weights.divergence
-    parts = 3.0 * each["plan position"] + each["plan rotation"] + 2.0 * each["plan displacement"] + w * each["nats"]
-    torch.testing.assert_close(total, parts)
-
-
-def test_a_plan_that_says_the_truth_costs_its_nats_alone(stitch_network, frames, monkeypatch):
-    model = copy.deepcopy(stitch_network)
-    some = stitch_learning.drawn(frames, 16, 9 * 2)  # anchors on frames
-    monkeypatch.setattr(gaps, "draw", lambda *args: some)
-    led = gaps.base(frames, some, gaps.anchor_times(frames.hips).expand(16, -1))
-    monkeypatch.setattr(model.plan, "decode", lambda *args: gaps.residual(frames, some, led))
-    total, each = plan_loss(model, frames, CONFIG, 16, draws())
-    for name in ("plan position", "plan rotation", "plan displacement"):
-        assert float(each[name]) < 1e-5, name
-    assert float(each["nats"]) > 0.1
-    assert float(total) == pytest.approx(CONFIG.weights.divergence * float(each["nats"]), abs=1e-4)
-    monkeypatch.setattr(model.plan, "recognise", lambda x, *_: model.plan.expect(x))
-    assert float(plan_loss(model, frames, CONFIG, 16, draws())[1]["nats"]) == pytest.approx(0.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
-def test_the_stitch_loss_is_its_terms_by_their_weights_and_teaches_the_generators(stitch_network, letter, frames, form):
-    config = CONFIG if form == "yaw" else replace(PAPER, weights=stitch_learning.PRESETS["paper"].weights)
-    model = copy.deepcopy(stitch_network if form == "yaw" else letter).requires_grad_()
+def test_the_stitch_loss_is_its_terms_by_their_weights_and_teaches_the_generators(
+    stitch_network, paper_network, frames, form
+):
+    config = CONFIG if form == "yaw" else replace(PAPER, weights=PAPER_WEIGHTS)
+    model = copy.deepcopy(stitch_network if form == "yaw" else paper_network).requires_grad_()
     critics = Discriminators()
     against = torch.optim.SGD(critics.parameters(), 0.0)
     total, each = stitch_loss(model, critics, against, frames, config, 1.0, draws())
     names = set(each) - {"critics", "adversarial"}
-    weighed = sum(getattr(config.weights, name) * each[name] for name in names)
-    torch.testing.assert_close(total, weighed + config.weights.adversarial * each["adversarial"])
+    weighted = sum(getattr(config.weights, name) * each[name] for name in names)
+    torch.testing.assert_close(total, weighted + config.weights.adversarial * each["adversarial"])
     assert ("divergence" in each) == (form == "paper")
     assert learned(total, model) == {"front", "back"}  # the plan is taken as it is
     assert all(torch.isfinite(p.grad).all() for p in model.parameters() if p.grad is not None)

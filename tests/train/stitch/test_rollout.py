@@ -14,10 +14,18 @@ from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, Memory
 from interpose.train.common import gaps
-from interpose.train.stitch.rollout import Course, Stitched, roll
+from interpose.train.stitch.rollout import ChainLayout, Stitched, roll
+from interpose.train.stitch.truth import chain_ends, paper_motion, yaw_motion
 
 ROWS = 5
-COURSES = [Course(), Course(0), Course(5), Course(aligned=False), Course(both=False), Course(3, aligned=False)]
+LAYOUTS = [
+    ChainLayout(),
+    ChainLayout(0),
+    ChainLayout(5),
+    ChainLayout(aligned=False),
+    ChainLayout(both=False),
+    ChainLayout(3, aligned=False),
+]
 
 
 class Situation(NamedTuple):
@@ -40,38 +48,36 @@ class Call(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def letter(frames):
+def paper_network(frames):
     """The paper's form; not to be changed."""
     return stitch_learning.network_for(frames, stitch_learning.PAPER)
 
 
-def gap(frames, steps, model, course=None, seed=0) -> Situation:
+def gap(frames, steps, model, layout=None, seed=0) -> Situation:
     """Real keys; a base that wanders off interpolation between them."""
     some = drawn(frames, ROWS, steps, seed=seed)
     paper = model.size.form == "paper"
-    true = (
-        gaps.letter_motion(frames, some, steps, model.mean_quaternions) if paper else gaps.motion(frames, some, steps)
-    )
-    front, back = gaps.bodies(frames, some, true)
+    true = paper_motion(frames, some, steps, model.mean_quaternions) if paper else yaw_motion(frames, some, steps)
+    front, back = chain_ends(frames, some, true)
     draws = torch.Generator().manual_seed(seed)
     base = gaps.base(frames, some, (torch.arange(steps + 1) / steps).expand(ROWS, -1))
     base[:, 1:-1] += 0.05 * torch.randn(ROWS, 1, 135, generator=draws)
     base[..., 3:] = to_six(to_matrix(base[..., 3:].unflatten(-1, (22, 6)))).flatten(2)
     shape = (ROWS, model.size.latent)
     if model.size.latents == "frame":
-        moves = schedule(steps, course.buffer, course.aligned, course.both)
+        moves = schedule(steps, layout.buffer, layout.aligned, layout.both)
         shape = (ROWS, len(moves), model.size.latent)
     return Situation(front, back, base, some.style, torch.randn(shape, generator=draws))
 
 
-def listened(model, course, situation) -> tuple[Stitched, list[list[Call]]]:
+def listened(model, layout, situation) -> tuple[Stitched, list[list[Call]]]:
     """The roll-out, and every call of the forward and of the backward generator."""
     calls: list[list[Call]] = [[], []]
     hooks = [
         side.register_forward_hook(lambda _, given, made, heard=heard: heard.append(Call(*given, *made[:2])))
         for side, heard in zip((model.front, model.back), calls, strict=True)
     ]
-    made = roll(model, *situation, course)
+    made = roll(model, *situation, layout)
     for hook in hooks:
         hook.remove()
     return made, calls
@@ -81,32 +87,32 @@ def equal(one, other):
     return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("course", COURSES)
+@pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("steps", [2, 3, 4, 9, 20])
-def test_the_ends_are_the_keys_and_each_chain_makes_its_frames(stitch_network, frames, course, steps):
+def test_the_ends_are_the_keys_and_each_chain_makes_its_frames(stitch_network, frames, layout, steps):
     given = gap(frames, steps, stitch_network)
-    made = roll(stitch_network, *given, course)
+    made = roll(stitch_network, *given, layout)
     assert made.positions.shape == (ROWS, steps + 1, 22, 3)
     assert torch.equal(made.positions[:, 0], given.front.positions)
     assert torch.equal(made.positions[:, -1], given.back.positions)
-    ends = seam(steps, course.buffer, course.both)
+    ends = seam(steps, layout.buffer, layout.both)
     assert made.front.frames.tolist() == list(range(1, ends.forward + 1))
     assert made.front.rotations.shape == (ROWS, ends.forward, 22, 6)
     if made.back is None:
-        assert steps == 2 or not course.both
+        assert steps == 2 or not layout.both
     else:
         assert made.back.frames.tolist() == list(range(steps - 1, ends.backward - 1, -1))
     assert float((made.positions[:, 1:-1] - _placed(given.base)[:, 1:-1]).abs().amax()) > 0.005
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
-@pytest.mark.parametrize("course", COURSES)
+@pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("steps", [3, 11, 16])
-def test_the_stitched_motion_is_the_chains_by_their_shares(stitch_network, letter, frames, form, course, steps):
-    model = stitch_network if form == "yaw" else letter
-    given = gap(frames, steps, model, course)
-    made = roll(model, *given, course)
-    share = shares(steps, course.buffer, course.both)
+def test_the_stitched_motion_is_the_chains_by_their_shares(stitch_network, paper_network, frames, form, layout, steps):
+    model = stitch_network if form == "yaw" else paper_network
+    given = gap(frames, steps, model, layout)
+    made = roll(model, *given, layout)
+    share = shares(steps, layout.buffer, layout.both)
     one, other = torch.full_like(made.positions, 1e6), torch.full_like(made.positions, 1e6)
     one[:, 0], other[:, -1] = given.front.positions, given.back.positions
     one[:, made.front.frames] = made.front.positions
@@ -124,7 +130,7 @@ def test_the_stitched_motion_is_the_chains_by_their_shares(stitch_network, lette
 @pytest.mark.parametrize("steps", [2, 4, 8, 14, 30])
 @pytest.mark.parametrize("buffer", [1, 2, 5])
 def test_chains_meet_in_the_middle_of_even_gaps(stitch_network, frames, steps, buffer):
-    made = roll(stitch_network, *gap(frames, steps, stitch_network), Course(buffer))
+    made = roll(stitch_network, *gap(frames, steps, stitch_network), ChainLayout(buffer))
     if steps == 2:
         assert made.back is None  # no room for two
         return
@@ -138,24 +144,24 @@ def test_chains_meet_in_the_middle_of_even_gaps(stitch_network, frames, steps, b
 
 def test_chains_meet_in_the_frame_past_the_middle_of_odd_gaps(stitch_network, frames):
     for steps in (3, 9, 15):
-        made = roll(stitch_network, *gap(frames, steps, stitch_network), Course())
+        made = roll(stitch_network, *gap(frames, steps, stitch_network), ChainLayout())
         assert float(made.apart([steps // 2 + 1]).abs().max()) < 1e-5
 
 
 def test_without_aligning_they_do_not(stitch_network, frames):
-    made = roll(stitch_network, *gap(frames, 14, stitch_network), Course(aligned=False))
+    made = roll(stitch_network, *gap(frames, 14, stitch_network), ChainLayout(aligned=False))
     assert min(float(made.apart([frame]).abs().mean()) for frame in seam(14, 2).overlap) > 1e-3
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
 @pytest.mark.parametrize("steps", [10, 13])
 def test_each_generator_follows_itself_and_is_led_to_the_newest_of_the_other(
-    stitch_network, letter, frames, form, steps
+    stitch_network, paper_network, frames, form, steps
 ):
     """Equation 3, from what the generators were really given."""
-    model, course = (stitch_network if form == "yaw" else letter), Course(2)
-    given = gap(frames, steps, model, course)
-    _, calls = listened(model, course, given)
+    model, layout = (stitch_network if form == "yaw" else paper_network), ChainLayout(2)
+    given = gap(frames, steps, model, layout)
+    _, calls = listened(model, layout, given)
     keys = given.front, given.back
     have = [{0: keys[0]}, {steps: keys[1]}]
     newest, memory = [0, steps], [model.front.begin(ROWS, given.base), model.back.begin(ROWS, given.base)]
@@ -182,9 +188,9 @@ def test_each_generator_follows_itself_and_is_led_to_the_newest_of_the_other(
 
 
 @pytest.mark.parametrize("steps", [12, 13, 40])
-def test_gamma_is_equation_2(letter, frames, steps):
-    course = Course(3)
-    _, calls = listened(letter, course, gap(frames, steps, letter, course))
+def test_gamma_is_equation_2(paper_network, frames, steps):
+    layout = ChainLayout(3)
+    _, calls = listened(paper_network, layout, gap(frames, steps, paper_network, layout))
     middle = steps // 2
     for heard in calls:
         for t, call in enumerate(heard):
@@ -194,20 +200,20 @@ def test_gamma_is_equation_2(letter, frames, steps):
         assert float(heard[-1].latent.share.max()) < 1.0
 
 
-def test_one_latent_for_the_gap_or_one_for_each_move(stitch_network, letter, frames):
+def test_one_latent_for_the_gap_or_one_for_each_move(stitch_network, paper_network, frames):
     given = gap(frames, 12, stitch_network)
-    _, calls = listened(stitch_network, Course(), given)
+    _, calls = listened(stitch_network, ChainLayout(), given)
     assert all(torch.equal(call.latent.value, given.latents) for heard in calls for call in heard)
-    given = gap(frames, 12, letter, Course())
-    made, calls = listened(letter, Course(), given)
+    given = gap(frames, 12, paper_network, ChainLayout())
+    made, calls = listened(paper_network, ChainLayout(), given)
     for side, heard in enumerate(calls):
         mine = [i for i, move in enumerate(schedule(12, 2)) if move.backward == bool(side)]
         assert [torch.equal(c.latent.value, given.latents[:, i]) for c, i in zip(heard, mine, strict=True)] == [
             True
         ] * len(mine)
-    assert len(made.front.said) == len(calls[0])
-    assert len(made.back.said) == len(calls[1])
-    assert not roll(stitch_network, *gap(frames, 12, stitch_network), Course()).front.said
+    assert len(made.front.latents) == len(calls[0])
+    assert len(made.back.latents) == len(calls[1])
+    assert not roll(stitch_network, *gap(frames, 12, stitch_network), ChainLayout()).front.latents
 
 
 def _placed(base):
@@ -215,34 +221,34 @@ def _placed(base):
     return joint_positions(base[..., :3].flatten(0, 1), matrices.flatten(0, 1)).unflatten(0, base.shape[:2])
 
 
-@pytest.mark.parametrize("course", COURSES)
-def test_silent_generators_walk_along_the_base(stitch_network, frames, course):
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_silent_generators_walk_along_the_base(stitch_network, frames, layout):
     model = copy.deepcopy(stitch_network)
     for side in (model.front, model.back):
         side.experts[-1].linear.weight.zero_()
         side.experts[-1].linear.bias.zero_()
     given = gap(frames, 13, model)
-    made = roll(model, *given, course)
+    made = roll(model, *given, layout)
     torch.testing.assert_close(made.positions, _placed(given.base), atol=1e-4, rtol=0)
 
 
-def test_the_papers_quaternions_are_unit_and_its_keys_its_own(letter, frames):
-    for course in COURSES:
-        given = gap(frames, 15, letter, course)
-        made = roll(letter, *given, course)
+def test_the_papers_quaternions_are_unit_and_its_keys_its_own(paper_network, frames):
+    for layout in LAYOUTS:
+        given = gap(frames, 15, paper_network, layout)
+        made = roll(paper_network, *given, layout)
         for chain in [made.front] if made.back is None else [made.front, made.back]:
             assert chain.rotations.shape[-1] == 4
             torch.testing.assert_close(chain.rotations.norm(dim=-1), torch.ones(chain.rotations.shape[:3]))
         assert torch.equal(made.positions[:, 0], given.front.positions)
         assert torch.equal(made.positions[:, -1], given.back.positions)
-        other = roll(letter, *given._replace(base=given.base + 1.0), course)
+        other = roll(paper_network, *given._replace(base=given.base + 1.0), layout)
         assert torch.equal(other.positions, made.positions)  # it has no base
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
-def test_gradients_reach_both_generators_through_one_another(stitch_network, letter, frames, form):
-    model = copy.deepcopy(stitch_network if form == "yaw" else letter).requires_grad_()
-    made = roll(model, *gap(frames, 8, model, Course()), Course())
+def test_gradients_reach_both_generators_through_one_another(stitch_network, paper_network, frames, form):
+    model = copy.deepcopy(stitch_network if form == "yaw" else paper_network).requires_grad_()
+    made = roll(model, *gap(frames, 8, model, ChainLayout()), ChainLayout())
     made.front.positions[:, 2:].square().sum().backward()  # led by the backward chain's frames
     for name, side in (("front", model.front), ("back", model.back)):
         grads = {n: p.grad for n, p in side.named_parameters()}
@@ -254,9 +260,9 @@ def test_gradients_reach_both_generators_through_one_another(stitch_network, let
 
 def test_contacts_are_logits_and_a_gap_is_the_same_alone(stitch_network, frames):
     given = gap(frames, 10, stitch_network)
-    made = roll(stitch_network, *given, Course())
+    made = roll(stitch_network, *given, ChainLayout())
     assert float(made.front.contacts.min()) < 0.0
     one = Situation(*(Body(*(x[2:3] for x in body)) for body in given[:2]), *(x[2:3] for x in given[2:]))
-    alone = roll(stitch_network, *one, Course())
+    alone = roll(stitch_network, *one, ChainLayout())
     torch.testing.assert_close(alone.positions[0], made.positions[2], atol=1e-4, rtol=0)
     np.testing.assert_allclose(alone.back.contacts[0], made.back.contacts[2], atol=1e-3)

@@ -46,10 +46,10 @@ def marches(tmp_path):
 
 def test_the_wrong_stretch_loses_its_label_and_is_drawn(marches, tmp_path, monkeypatch):
     monkeypatch.setattr(labels, "PICTURES", 1)
-    monkeypatch.setattr(labels, "SHOWN", 4)
+    monkeypatch.setattr(labels, "DRAWN_FRAMES", 4)
     monkeypatch.setattr(labels, "FOLDS", 3)
-    said = []
-    text = labels.distil(marches.path, tmp_path / "report", steps=30, noise=1.0, progress=said.append)
+    likelihoods = []
+    text = labels.distil(marches.path, tmp_path / "report", steps=30, noise=1.0, progress=likelihoods.append)
     kept = label_issues.kept(marches)
     assert kept is not None
     first = marches.ranges[[c.name for c in marches.clips].index("slow1"), 0]
@@ -68,7 +68,7 @@ def test_the_wrong_stretch_loses_its_label_and_is_drawn(marches, tmp_path, monke
     assert WRONG[0] - 30 <= run["start"] <= WRONG[0] + 45
     assert run["stop"] == WRONG[1]
     assert (tmp_path / "report" / "dropped-slow.png").exists()
-    assert len(said) == 1 + len({k for k in label_issues.folds(marches, labels.FOLDS) if k >= 0})
+    assert len(likelihoods) == 1 + len({k for k in label_issues.folds(marches, labels.FOLDS) if k >= 0})
 
 
 def test_no_network_judges_what_it_was_trained_on(marches, monkeypatch):
@@ -88,8 +88,8 @@ def test_a_smaller_share_of_the_noise_drops_less_and_the_most_doubtful_first():
     """Every fourth window is taken for the other style, each more surely than the one before."""
     label = np.arange(80) // 40
     sure = np.where(np.arange(80) % 4 == 0, 0.1 - 0.001 * np.arange(80), 0.9)
-    said = np.where(np.arange(2) == label[:, None], sure[:, None], 1.0 - sure[:, None])
-    opinions = labels.Opinions(12 * np.arange(80), label, np.array([3, 5]), said)
+    likelihoods = np.where(np.arange(2) == label[:, None], sure[:, None], 1.0 - sure[:, None])
+    opinions = labels.Opinions(12 * np.arange(80), label, np.array([3, 5]), likelihoods)
     whole, half = (labels.verdicts(opinions, noise) for noise in (1.0, 0.5))
     assert set(whole.given.tolist()) == {3, 5}
     assert whole.issue.mean() == pytest.approx(0.25, abs=0.03)

@@ -15,7 +15,7 @@ import torch
 
 from interpose.errors import InputError
 
-KEPT = 2
+KEPT_CHECKPOINTS = 2
 
 
 @runtime_checkable
@@ -27,7 +27,7 @@ class Stateful(Protocol):
 
 
 @dataclass(frozen=True)
-class State:
+class TrainingState:
     """All that a step changes.
 
     parts: named modules and optimizers, by custom ``model``, ``optimizer`` and ``ema``.
@@ -52,8 +52,8 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def save(run_dir: Path, state: State, step: int, config: object) -> Path:
-    """Writes the checkpoint after ``step`` steps and drops all but the last :data:`KEPT`."""
+def save(run_dir: Path, state: TrainingState, step: int, config: object) -> Path:
+    """Writes the checkpoint after ``step`` steps and drops all but the last :data:`KEPT_CHECKPOINTS`."""
     mersenne = np.random.get_state(legacy=False)  # noqa: NPY002
     mersenne["state"]["key"] = mersenne["state"]["key"].tolist()
     checkpoint = {name: part.state_dict() for name, part in state.parts.items()} | {
@@ -73,7 +73,7 @@ def save(run_dir: Path, state: State, step: int, config: object) -> Path:
     }
     path = run_dir / f"checkpoint-{step:09d}.pt"
     write_atomically(path, lambda temporary: torch.save(checkpoint, temporary))
-    for old in _checkpoints(run_dir)[:-KEPT]:
+    for old in _checkpoints(run_dir)[:-KEPT_CHECKPOINTS]:
         old.unlink()
     return path
 
@@ -108,7 +108,7 @@ def average_into(model: torch.nn.Module, saved: Mapping[str, Any]) -> None:
     model.eval()
 
 
-def resume(run_dir: Path, state: State, config: object) -> int:
+def resume(run_dir: Path, state: TrainingState, config: object) -> int:
     """Opens the run folder and puts its last checkpoint, if any, into ``state``; the number of steps already done.
 
     Raises InputError where the folder holds a run with another config, saying which field differs.

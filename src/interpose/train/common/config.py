@@ -89,9 +89,14 @@ def read(path: Path, base: C, part: str | None = None) -> C:
 
 
 def check_data(path: Path, run_dir: Path) -> None:
-    """Prints a warning where a config file names other databases than the run has."""
+    """Prints a warning where a config file names other databases, or a planner of other settings, than the run has."""
     named, given = (json.loads(file.read_text(encoding="utf-8")) for file in (path, run_dir / "config.json"))
-    named = named.get("training", named).get("databases")
-    if named and set(named) != set(given["databases"]):
-        was, now = ", ".join(named), ", ".join(given["databases"])
+    named = named.get("training", named)
+    if named.get("databases") and set(named["databases"]) != set(given["databases"]):
+        was, now = ", ".join(named["databases"]), ", ".join(given["databases"])
         print(f"warning: {path} was made from other data: {was}; this run has {now}", file=sys.stderr)
+    plans = named.get("plan"), given.get("plan")
+    if all(isinstance(plan, dict) for plan in plans) and (
+        other := [k for k in plans[1] if plans[0].get(k) != plans[1][k]]
+    ):
+        print(f"warning: {path} was made along a planner of other settings ({', '.join(other)})", file=sys.stderr)

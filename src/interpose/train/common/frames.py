@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 import roma
@@ -15,7 +14,6 @@ from interpose import rotation
 from interpose import skeleton as kinematics
 from interpose.data import label_issues
 from interpose.data.database import Database
-from interpose.data.split import training_ranges
 from interpose.models.geometry import to_six
 from interpose.motion import mirror
 from interpose.skeleton import HUMANOID
@@ -98,34 +96,6 @@ def load_frames(
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     whole = {"style", "first", "last"}
     return Frames(**{k: torch.tensor(v, dtype=torch.int64 if k in whole else torch.float32) for k, v in joined.items()})
-
-
-def joined_styles(databases: list[Database]) -> tuple[str, ...]:
-    """The styles of all databases, sorted. Names that differ in case alone are one style, spelled as in the first."""
-    spelled: dict[str, str] = {}
-    for style in (style for database in databases for style in database.styles):
-        spelled.setdefault(style.casefold(), style)
-    return tuple(sorted(spelled.values()))
-
-
-def divided(
-    databases: list[Database], styles: list[str], phases: list[Float[np.ndarray, "2 frame 10 3"]] | None = None
-) -> tuple[Frames, Frames]:
-    """What is trained on and what is held out, of all databases; ``phases``: one a database, where there are any."""
-    given = phases or [None] * len(databases)
-    training, held_out = (
-        joined([load_frames(d, p, styles, training_ranges(d)[i]) for d, p in zip(databases, given, strict=True)])
-        for i in (0, 1)
-    )
-    return training, held_out
-
-
-def origin(databases: list[Database]) -> dict[str, Any]:
-    """What a run's config keeps of its databases: their names and fingerprints, which labels count, their licences."""
-    return {
-        "databases": tuple(f"{d.dataset} {d.fingerprint} {label_issues.kept_summary(d)}".strip() for d in databases),
-        "licence": "; ".join(dict.fromkeys(d.licence for d in databases)),
-    }
 
 
 def joined(parts: list[Frames]) -> Frames:

@@ -1,11 +1,10 @@
 """What the training recipes share: a run folder with checkpoints and curves, and the loop that drives the steps.
 
 A run folder holds ``config.json``, ``checkpoint-<steps done>.pt`` (the last two), ``metrics.jsonl`` (one JSON object a
-line) and TensorBoard event files. A run that was stopped or killed goes on from its last checkpoint and gives the same
-losses as one that never stopped, as long as everything random in a step comes from a generator that the
-:class:`~interpose.train.common.checkpoint.State` names or from the global ones, and everything else that a step
-remembers lies in ``State.extra``. On several processes (`interpose.train.common.parallel`) the first one alone writes;
-what it logs are means over all of them.
+line) and TensorBoard event files. A run that was stopped or killed resumes from its last checkpoint and gives the same
+losses as one that never stopped, as long as a step draws only from the global generators or those of its
+`TrainingState`, and keeps everything else that it remembers in ``TrainingState.extra``. On several processes
+(`interpose.train.common.parallel`) only the first writes; it logs means over all of them.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from interpose.errors import InputError
-from interpose.train.common.checkpoint import State, resume, save, write_atomically
+from interpose.train.common.checkpoint import TrainingState, resume, save, write_atomically
 from interpose.train.common.parallel import ALONE, Group
 
 Outcome = Literal["finished", "out of time", "interrupted"]
@@ -57,7 +56,7 @@ def moving_average(model: nn.Module, decay: float) -> AveragedModel:
 def run(
     run_dir: Path,
     config: object,
-    state: State,
+    state: TrainingState,
     steps: int,
     step_fn: Callable[[int], Mapping[str, Tensor | float]],
     *,

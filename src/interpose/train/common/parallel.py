@@ -53,9 +53,9 @@ class Group:
         distributed.all_gather(parts, x.detach().contiguous())
         return torch.cat(parts)
 
-    def anywhere(self, *said: bool) -> list[bool]:
-        """For each of the answers whether any process gives it."""
-        return (self.total(torch.tensor([float(x) for x in said])) > 0.0).tolist()
+    def anywhere(self, *flags: bool) -> list[bool]:
+        """For each of the flags whether it is set on any process."""
+        return (self.total(torch.tensor([float(x) for x in flags])) > 0.0).tolist()
 
     def wait(self) -> None:
         """Until all have come here."""

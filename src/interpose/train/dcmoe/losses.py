@@ -1,4 +1,4 @@
-"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and the ones that measure best (docs/method.md).
+"""The losses of DC-MoE (Chu and Yang 2024, equations 3 to 6) and those that train on roll-outs (docs/method.md).
 
 All take a :class:`~interpose.models.dcmoe.Prediction` and the :class:`~interpose.train.dcmoe.sequences.Truth` of the
 same step, in the root frame of the step's start, and return scalars: means over the rows that are still inside their
@@ -21,9 +21,9 @@ from interpose.models.dcmoe import Prediction
 from interpose.train.common.parallel import ALONE, Group
 from interpose.train.dcmoe.sequences import Truth
 
-FEET = list(CONTACT_INDICES)
-TOES = [CONTACT_INDICES[1], CONTACT_INDICES[3]]
-SPAN = 6
+_FOOT_JOINTS = list(CONTACT_INDICES)
+_TOE_JOINTS = [CONTACT_INDICES[1], CONTACT_INDICES[3]]
+JERK_FRAMES = 6
 """Frames over which jerk is compared."""
 
 
@@ -48,7 +48,7 @@ def terms(
         return mean(x.norm(dim=-1).mean(dim=-1))
 
     contact = prediction.contacts.sigmoid()
-    foot_velocity = contact[:, 0, :, None] * prediction.velocities[:, FEET]
+    foot_velocity = contact[:, 0, :, None] * prediction.velocities[:, _FOOT_JOINTS]
     led = here + prediction.velocities / RATE - prediction.raw_positions
     return {
         "pos": joints(prediction.raw_positions - truth.positions),
@@ -79,7 +79,7 @@ def paper(
 
 @dataclass(frozen=True)
 class RollOutWeights:
-    """Weights of :func:`unrolled` (docs/method.md); the auxiliary ones are ours."""
+    """Weights of :func:`unrolled` and :func:`windows`."""
 
     position: float = 3.0
     rotation: float = 1.0
@@ -109,9 +109,9 @@ def unrolled(
         return mean(x.abs().flatten(1).mean(dim=-1))
 
     moved = prediction.positions - here
-    planted = truth.contacts[:, 0, :, None] * moved[:, FEET]
+    planted = truth.contacts[:, 0, :, None] * moved[:, _FOOT_JOINTS]
     cross_entropy = F.binary_cross_entropy_with_logits(prediction.contacts, truth.contacts, reduction="none")
-    said = prediction.contacts[:, 0].sigmoid()[..., None] * prediction.velocities[:, FEET] / RATE
+    predicted = prediction.contacts[:, 0].sigmoid()[..., None] * prediction.velocities[:, _FOOT_JOINTS] / RATE
     each = {
         "position": rows(prediction.positions - truth.positions),
         "rotation": rows(prediction.rotations - truth.rotations),
@@ -121,7 +121,7 @@ def unrolled(
         "velocity": rows(prediction.velocities - truth.velocities),
         "trajectory": keys((prediction.trajectory - truth.trajectory).abs().mean(dim=-1)),
         "phase": keys((prediction.phases - truth.phases).abs().flatten(2).mean(dim=-1)),
-        "consistency": rows(said) + rows(here + prediction.velocities / RATE - prediction.positions),
+        "consistency": rows(predicted) + rows(here + prediction.velocities / RATE - prediction.positions),
     }
     total = sum(getattr(weights, name) * value for name, value in each.items())
     return torch.as_tensor(total), each
@@ -142,9 +142,9 @@ def windows(
 
 
 def skate(positions: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, "row"]:
-    """The way of the toes a frame while they are low, metres: the foot slide of the tables as a loss, 2 - 2^(h/H) the
-    weight of a toe at height h."""
-    toes = positions[:, :, TOES]
+    """How far the toes move in a frame while they are low, metres: the tables' foot slide as a loss, 2 - 2^(h/H) being
+    the weight of a toe at height h."""
+    toes = positions[:, :, _TOE_JOINTS]
     weight = 2.0 - torch.exp2((toes[:, 1:, :, 1] / SLIDE_HEIGHT).clamp(0.0, 1.0))
     return (weight * _length(toes.diff(dim=1))).flatten(1).mean(dim=-1)
 
@@ -155,11 +155,11 @@ def _length(x: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
 
 
 def energy(made: Float[Tensor, "row frame 22 3"], true: Float[Tensor, "row frame 22 3"]) -> Float[Tensor, "row"]:
-    """| log of the joints' mean jerk over the truth's |, in every :data:`SPAN` frames of each joint by itself, so that
-    it cannot be made up for elsewhere; below 1 mm a frame^3 the truth counts as still."""
+    """| log of the joints' mean jerk over the truth's |, in every :data:`JERK_FRAMES` frames of each joint by itself,
+    so that it cannot be made up for elsewhere; below 1 mm a frame^3 the truth counts as still."""
     if made.shape[1] < 5:
         return made.new_zeros(len(made))
-    span = min(SPAN, made.shape[1] - 3)
+    span = min(JERK_FRAMES, made.shape[1] - 3)
     here, there = (
         F.avg_pool1d(_length(x.diff(n=3, dim=1)).flatten(2).transpose(1, 2), span, max(1, span // 2)) + 1e-3
         for x in (made, true)

@@ -18,15 +18,22 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from interpose.data import database
 from interpose.data.database import Database
 from interpose.errors import InputError
-from interpose.features import EXPERT_INPUT, HISTORY, JOINTS, KEY_STEP, SIDE_KEYS
-from interpose.models.dcmoe import BANK, HIPS_SCALE, ROTATION_SCALE, DCMoE, State
+from interpose.features import (
+    EXPERT_INPUT,
+    HISTORY,
+    JOINTS,
+    KEY_STEP,
+    RESIDUAL_HIPS_SCALE,
+    RESIDUAL_ROTATION_SCALE,
+    SIDE_KEYS,
+)
+from interpose.models.dcmoe import PHASE_BANK_SIZE, DCMoE, State
 from interpose.models.planner import Planner
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import preset_of
-from interpose.train.common.frames import Frames, backwards, divided, joined_styles, origin
+from interpose.train.common.frames import Frames, backwards
 from interpose.train.common.gaps import Gaps, true_poses
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.common.parallel import ALONE, Group, processes
@@ -61,32 +68,27 @@ def train(
     fit, a planner of other styles, batches that the processes cannot share, and a run folder of another config.
     """
     chosen = config or preset_of(PRESETS, preset)
+    backward = backward or chosen.backward
     if phases is not None and len(phases) != len(data):
         raise InputError(f"{len(phases)} files of phases for {len(data)} databases; give one each, in the same order")
     if plan is not None and (backward or chosen.absolute):
         kind = "motion that runs backwards" if backward else "the paper's own form"
         raise InputError(f"--plan cannot be used with {kind}; leave it out")
-    loaded = [database.load(path) for path in data]
-    styles = joined_styles(loaded)
-    planner, planned = (None, None) if plan is None else load_for(plan, styles)
-    chosen = replace(
-        chosen,
-        seed=seed,
-        **origin(loaded),
-        styles=styles,
-        phases=phases is not None,
-        backward=backward,
-        plan=planned,
-    )
+    for missing, option in ((chosen.plan and not plan, "--plan RUN"), (chosen.phases and not phases, "--phases FILE")):
+        if missing:
+            raise InputError(f"the config is of a training with {option}; give {option} too")
+    loaded, kept = setup.load(data)
+    planner, planned = (None, None) if plan is None else load_for(plan, kept["styles"])
+    chosen = replace(chosen, seed=seed, phases=phases is not None, backward=backward, plan=planned, **kept)
     for one in loaded:
         if np.diff(one.ranges).max() < HISTORY:
             raise InputError(f"{one.path}: no clip is longer than a second; prepare longer ones")
     arrays = None if phases is None else [_phases(p, d) for p, d in zip(phases, loaded, strict=True)]
-    training, held_out = divided(loaded, list(styles), arrays)
-    if backward:
-        training, held_out = backwards(training), backwards(held_out)
     with processes(device) as group:
-        return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes, planner, group, compiled)
+        training, held_out = setup.split(loaded, chosen.styles, device, arrays)
+        if backward:
+            training, held_out = backwards(training), backwards(held_out)
+        return run(chosen, training, held_out, run_dir, max_minutes, planner, group, compiled)
 
 
 def run(
@@ -112,7 +114,7 @@ def run(
     learned = [p for p in model.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(learned, lr=config.learning_rate, weight_decay=config.weight_decay)
     average = loop.moving_average(model, config.average)
-    state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
+    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
     steps = sum(stage.steps for stage in config.stages)
     for stage in config.stages:
         group.share(stage.rows if stage.steps else 0)
@@ -258,14 +260,14 @@ def set_statistics(
     }
     for name, block in where.items():
         if not config.absolute and name in ("hips", "rotation"):
-            model.out_std[block] = HIPS_SCALE if name == "hips" else ROTATION_SCALE
+            model.out_std[block] = RESIDUAL_HIPS_SCALE if name == "hips" else RESIDUAL_ROTATION_SCALE
         elif name in measured:
             flat = measured[name].flatten(1)
             model.out_mean[block] = flat.mean(dim=0)
             model.out_std[block] = flat.std(dim=0).clamp_min(1e-2)
     centre = data.first + KEY_STEP * SIDE_KEYS
     able = torch.nonzero((torch.arange(len(data), device=centre.device) >= centre) & (data.last >= centre))[:, 0]
-    chosen = able[torch.randint(len(able), (BANK, 1), generator=generator, device=able.device)]
+    chosen = able[torch.randint(len(able), (PHASE_BANK_SIZE, 1), generator=generator, device=able.device)]
     keys = KEY_STEP * torch.arange(-SIDE_KEYS, SIDE_KEYS + 1, device=able.device)
     model.phase_bank.copy_(data.phases[torch.minimum(chosen + keys, data.last[chosen])][..., :2])
 

@@ -1,8 +1,8 @@
 """The phases of a database: what the periodic autoencoder sees of each clip, and what it makes of it.
 
 Its input is the velocity of each joint in the character's root frame, V_i = (P_i in R_i - P_(i-1) in R_(i-1)) / dt,
-low-passed over the whole clip at 3.25 Hz by a Butterworth filter of second order run forth and back (Starke
-et al. 2022, section 4.1). A window of two seconds is centred at each frame; beyond the ends of a clip the
+low-passed over the whole clip at 3.25 Hz by a Butterworth filter of second order run forth and back (Starke et al.
+2022, section 4.1). A window of two seconds is centred at each frame; beyond the ends of a clip the
 end repeats.
 
 Phases are training data only: a model that starts from a lone pose starts with unknown phases, so the autoencoder is

@@ -1,7 +1,7 @@
 """The recipe of the periodic autoencoder: ``interpose train pae --data DB -o RUN``.
 
-Mean squared error between a window of velocities and its reconstruction, AdamW, one cosine cycle, as in Starke et al.
-2022, section 4.3, with larger batches and a higher rate. The run folder is that of
+Mean squared error between a window of velocities and its reconstruction, AdamW, one cosine cycle (Starke et al.
+2022, section 4.3), with larger batches and a higher rate. The run folder is that of
 `interpose.train.common.loop`; when the training is finished it also has ``phases.npy``
 (`interpose.train.phases.extract`; for several databases ``phases-1.npy``, ``phases-2.npy``, ... in their order),
 ``report.json``, ``manifold.png`` and ``clip.png``.
@@ -17,18 +17,18 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
-from interpose.data import database
 from interpose.data.database import Database
 from interpose.errors import InputError
 from interpose.models.periodic_autoencoder import PeriodicAutoencoder
 from interpose.skeleton import MODEL_RATE
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
+from interpose.train.common.config import preset_of
 from interpose.train.phases import plots
 from interpose.train.phases.extract import Curves, phase_features, save, velocity_curves, windows
 
 
 @dataclass(frozen=True)
-class Config:
+class PhasesConfig:
     """Everything that decides a training, saved beside its weights."""
 
     preset: str = "full"
@@ -43,12 +43,14 @@ class Config:
     warmup: int = 100
     seed: int = 0
     databases: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ()
+    licence: str = ""
 
 
-PRESETS: dict[str, Config] = {
-    "full": Config(),
-    "small": Config(preset="small", steps=3_000),
-    "tiny": Config(preset="tiny", channels=3, steps=40, batch=32, warmup=4),
+PRESETS: dict[str, PhasesConfig] = {
+    "full": PhasesConfig(),
+    "small": PhasesConfig(preset="small", steps=3_000),
+    "tiny": PhasesConfig(preset="tiny", channels=3, steps=40, batch=32, warmup=4),
 }
 """``full`` sees four million windows, ``small`` is useful after five minutes on one CPU core, ``tiny`` is for tests."""
 
@@ -61,16 +63,15 @@ def train(
     max_minutes: float | None = None,
     device: str = "cpu",
     seed: int = 0,
+    config: PhasesConfig | None = None,
 ) -> loop.Outcome:
-    """Trains on prepared databases, or goes on where ``run_dir`` stopped, and writes their phases when it is finished.
+    """Trains on prepared databases, or resumes in ``run_dir``, and writes their phases when it is finished.
 
-    Raises InputError for an unknown preset, databases that do not load, and a run folder of another config.
+    config: in place of the preset's. Raises InputError for an unknown preset, databases that do not load, and a run
+    folder of another config.
     """
-    if preset not in PRESETS:
-        raise InputError(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
-    loaded = [database.load(path) for path in data]
-    names = tuple(f"{d.dataset} {d.fingerprint}".strip() for d in loaded)
-    config = replace(PRESETS[preset], seed=seed, databases=names)
+    loaded, kept = setup.load(data)
+    config = replace(config or preset_of(PRESETS, preset), seed=seed, **kept)
     torch.manual_seed(config.seed)
     model = PeriodicAutoencoder(
         channels=config.channels, frames=config.frames, rate=MODEL_RATE, normalised=config.normalised
@@ -93,7 +94,7 @@ def train(
     outcome = loop.run(
         run_dir,
         config,
-        checkpoint.State({"model": model, "optimizer": optimizer}, {"draws": draws}),
+        checkpoint.TrainingState({"model": model, "optimizer": optimizer}, {"draws": draws}),
         config.steps,
         step,
         samples_per_step=config.batch,
@@ -105,7 +106,7 @@ def train(
     return outcome
 
 
-def draw(curves: Curves, config: Config, generator: torch.Generator) -> Tensor:
+def draw(curves: Curves, config: PhasesConfig, generator: torch.Generator) -> Tensor:
     """A batch of windows, (batch, 66, time), each mirrored or not, from anywhere in the data."""
     picked = torch.randint(2 * len(curves), (config.batch,), generator=generator).to(curves.values.device)
     return windows(curves, picked % len(curves), picked >= len(curves), config.frames)

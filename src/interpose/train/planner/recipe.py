@@ -13,12 +13,11 @@ from typing import Any, cast
 import torch
 from torch import Tensor, nn
 
-from interpose.data import database
 from interpose.errors import InputError
 from interpose.models.planner import Planner
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, joined_styles, origin
+from interpose.train.common.frames import Frames
 from interpose.train.common.gaps import Gaps, draw
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.common.parallel import ALONE, Group, processes
@@ -45,13 +44,10 @@ def train(
     do not load, batches that the processes cannot share, and a run folder of another config.
     """
     chosen = config or preset_of(PRESETS, preset)
-    loaded = [database.load(path) for path in data]
-    styles = joined_styles(loaded)
-    size = replace(chosen.size, styles=len(styles))
-    chosen = replace(chosen, size=size, seed=seed, styles=styles, **origin(loaded))
-    training, held_out = divided(loaded, list(styles))
+    loaded, kept = setup.load(data)
+    chosen = replace(chosen, size=replace(chosen.size, styles=len(kept["styles"])), seed=seed, **kept)
     with processes(device) as group:
-        return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes, group)
+        return run(chosen, *setup.split(loaded, chosen.styles, device), run_dir, max_minutes, group)
 
 
 def run(
@@ -71,7 +67,7 @@ def run(
     objective.set_statistics(planner, data, config.sampling, generator)
     optimizer = torch.optim.AdamW(planner.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     average = loop.moving_average(planner, config.average)
-    state = checkpoint.State({"model": planner, "optimizer": optimizer, "ema": average}, {"rows": generator})
+    state = checkpoint.TrainingState({"model": planner, "optimizer": optimizer, "ema": average}, {"rows": generator})
     mine = group.share(config.rows)
     loss: nn.Module = Loss(planner, data, config)
     if group.size > 1:

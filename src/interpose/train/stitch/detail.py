@@ -15,15 +15,14 @@ from typing import Any, cast
 import torch
 from torch import Tensor
 
-from interpose.data import database
 from interpose.data.contacts import CONTACT_INDICES
 from interpose.errors import InputError
 from interpose.models.detail_transformer import DetailSize, DetailTransformer, refined_loss
 from interpose.models.geometry import joint_positions, to_matrix
 from interpose.models.stitching_cvae import StitchingCVAE
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, origin
+from interpose.train.common.frames import Frames
 from interpose.train.common.gaps import Gaps, draw, evenly
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.stitch import recipe
@@ -90,17 +89,10 @@ def train(
     rough = recipe.model_of(saved).to(device)
     if rough.size.form == "paper":
         raise InputError(f"{refines}: the paper's own form is not refined; give a run of another preset")
-    loaded = [database.load(path) for path in data]
-    chosen = replace(
-        chosen,
-        seed=seed,
-        **origin(loaded),
-        styles=tuple(saved["config"]["styles"]),
-        refines=refines.name,
-        stitch=saved["config"],
-    )
-    training, held_out = divided(loaded, list(chosen.styles))
-    return run(chosen, rough, training.to(device), held_out.to(device), run_dir, max_minutes)
+    loaded, kept = setup.load(data)
+    kept["styles"] = tuple(saved["config"]["styles"])
+    chosen = replace(chosen, seed=seed, refines=refines.name, stitch=saved["config"], **kept)
+    return run(chosen, rough, *setup.split(loaded, chosen.styles, device), run_dir, max_minutes)
 
 
 def run(
@@ -118,7 +110,7 @@ def run(
     set_statistics(model, rough, data, stitch, generator)
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
     average = loop.moving_average(model, config.average)
-    state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
+    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
 
     def update(step: int) -> Mapping[str, Tensor | float]:
         factor = loop.cosine(step, config.steps, config.warmup, floor=0.01)

@@ -1,4 +1,4 @@
-"""The losses of S-CVAE (Ren et al. 2024, equations 4 to 7) and the ones that measure best (docs/method.md).
+"""The losses of S-CVAE (Ren et al. 2024, equations 4 to 7) and those that perform better (docs/method.md).
 
 Those of the generators take a :class:`~interpose.train.stitch.rollout.Stitched` and the true motion of the same gaps.
 """

@@ -15,14 +15,13 @@ from typing import Any, cast
 import torch
 from torch import Tensor
 
-from interpose.data import database
 from interpose.errors import InputError
 from interpose.models.discriminator import Discriminators
 from interpose.models.planner import Planner
 from interpose.models.stitching_cvae import StitchingCVAE
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, joined_styles, origin
+from interpose.train.common.frames import Frames
 from interpose.train.common.optimize import descend, scalars
 from interpose.train.planner.recipe import load_for
 from interpose.train.stitch.config import PRESETS, StitchConfig, ablations
@@ -60,18 +59,17 @@ def train(
         raise InputError("the generators work along a planner; give --plan RUN, a run of 'interpose train plan'")
     if not chosen.needs_plan and plan is not None:
         raise InputError(f"preset {chosen.preset!r} uses no planner; leave out --plan")
-    loaded = [database.load(path) for path in data]
-    styles = joined_styles(loaded)
-    planner, planned = (None, None) if plan is None else load_for(plan, styles)
-    size = replace(chosen.size, styles=len(styles), plan=None if planned is None else planned.size)
+    loaded, kept = setup.load(data)
+    planner, planned = (None, None) if plan is None else load_for(plan, kept["styles"])
+    size = replace(chosen.size, styles=len(kept["styles"]), plan=None if planned is None else planned.size)
     if planned is not None and size.latents == "gap":
         size = replace(size, latent=planned.size.latent)
-    chosen = replace(chosen, size=size, seed=seed, styles=styles, plan=planned, **origin(loaded))
-    training, held_out = divided(loaded, list(styles))
+    chosen = replace(chosen, size=size, seed=seed, plan=planned, **kept)
+    training, held_out = setup.split(loaded, chosen.styles, device)
     for frames, what in ((training, "training"), (held_out, "validation")):
         if int((frames.last - frames.first).max()) < chosen.longest - 1:
             raise InputError(f"{data[0]}: no clip has {chosen.longest} frames for {what}; prepare longer ones")
-    return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes, planner)
+    return run(chosen, training, held_out, run_dir, max_minutes, planner)
 
 
 def run(
@@ -99,7 +97,7 @@ def run(
     against = torch.optim.AdamW(critics.parameters(), **settings)
     average = loop.moving_average(model, config.average)
     parts = {"model": model, "optimizer": optimizer, "ema": average, "critics": critics, "against": against}
-    state = checkpoint.State(parts, {"rows": generator})
+    state = checkpoint.TrainingState(parts, {"rows": generator})
     before = config.phases.steps
 
     def update(step: int) -> Mapping[str, Tensor | float]:

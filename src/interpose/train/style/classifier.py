@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from interpose.data.style_windows import MIRROR_SIGNS, MIRRORED_CHANNELS
-from interpose.models.style_classifier import STEP, StyleClassifier
+from interpose.models.style_classifier import FRAME_STEP, StyleClassifier
 
 _MIRRORED = torch.tensor(MIRRORED_CHANNELS)
 _SIGNS = torch.tensor(MIRROR_SIGNS)
@@ -84,4 +84,4 @@ def probabilities(
 
 
 def _windows(seen: Tensor, starts: Tensor, length: int) -> Tensor:
-    return seen[starts[:, None] + torch.arange(0, length, STEP)]
+    return seen[starts[:, None] + torch.arange(0, length, FRAME_STEP)]

@@ -28,16 +28,16 @@ from interpose.skeleton import MODEL_RATE
 from interpose.train.style.classifier import Recipe, fit, probabilities
 
 FOLDS = 5
-LENGTH, OFFSET = 60, 12
-STEPS = 500
+WINDOW_FRAMES, WINDOW_OFFSET = 60, 12
+FOLD_STEPS = 500
 """Updates of a fold's network."""
-NOISE = 0.6
+DROPPED_SHARE = 0.6
 """The share of the estimated label errors that is dropped: with it LaFAN1 keeps what the paper kept of it."""
-OTHER_NOISES = (0.25, 0.5, 0.75, 1.0)
+OTHER_SHARES = (0.25, 0.5, 0.75, 1.0)
 """Of these the report says what they would keep; 1 is plain confident learning."""
-PICTURES, ROWS = 6, 6
+PICTURES, PICTURE_ROWS = 6, 6
 """Contact sheets at most, one a style, and stretches on each."""
-SHOWN = 90
+DRAWN_FRAMES = 90
 """Frames of a stretch that are drawn at most, around its middle."""
 
 
@@ -49,15 +49,15 @@ class Opinions:
     starts: Int64[ndarray, "window"]
     label: Int64[ndarray, "window"]
     known: Int64[ndarray, "style"]
-    said: Float[ndarray, "window style"]
+    likelihoods: Float[ndarray, "window style"]
 
 
 def distil(
     path: Path,
     out: Path | None = None,
     *,
-    noise: float = NOISE,
-    steps: int = STEPS,
+    noise: float = DROPPED_SHARE,
+    steps: int = FOLD_STEPS,
     seed: int = 0,
     progress: Callable[[str], None] = lambda message: None,
 ) -> str:
@@ -76,7 +76,7 @@ def distil(
     judged = verdicts(opinions, noise)
     dropped = label_issues.dropped_frames(judged, data.frames)
     text = label_issues.report(data, judged, fold, dropped)
-    kept = {n: 1.0 - label_issues.dropped_frames(verdicts(opinions, n), data.frames).mean() for n in OTHER_NOISES}
+    kept = {n: 1.0 - label_issues.dropped_frames(verdicts(opinions, n), data.frames).mean() for n in OTHER_SHARES}
     listed = ", ".join(f"{share:.1%} with `--noise {n:g}`" for n, share in kept.items())
     text += f"\nDropped: {noise:g} of the estimated label errors. Others would keep {listed}.\n"
     runs = label_issues.stretches(data, judged, dropped)
@@ -90,7 +90,7 @@ def distil(
     drawn = draw(data, runs, out)
     text += "".join(f"\n![dropped]({file.name})\n" for file in drawn)
     write_whole(out / "report.md", text.encode())
-    write_whole(out / "labels.json", (json.dumps(told(data, runs, dropped, noise), indent=1) + "\n").encode())
+    write_whole(out / "labels.json", (json.dumps(summary(data, runs, dropped, noise), indent=1) + "\n").encode())
     label_issues.save(data, ~dropped)
     return text
 
@@ -100,7 +100,7 @@ def ask(
 ) -> Opinions:
     """What a network that was trained without its recording makes of every window. Raises as :func:`distil` does."""
     ranges = [(a, b) for (a, b), k in zip(data.ranges.tolist(), fold, strict=True) if k >= 0]
-    starts = style_windows.window_starts(ranges, LENGTH, OFFSET)
+    starts = style_windows.window_starts(ranges, WINDOW_FRAMES, WINDOW_OFFSET)
     clip = np.searchsorted(data.ranges[:, 0], starts, side="right") - 1
     known, label = np.unique(data.style_indices()[clip], return_inverse=True)
     held = fold[clip]
@@ -108,20 +108,27 @@ def ask(
     if len(known) < 2 or min(spread) < 2:
         raise InputError(
             f"{data.path}: labels are judged by other recordings of the same styles; at least two styles need two "
-            f"recordings each with clips of {LENGTH} frames or more"
+            f"recordings each with clips of {WINDOW_FRAMES} frames or more"
         )
     seen = style_windows.database_channels(data)
-    said = out_of_sample(seen, starts, label, held, len(known), Recipe(LENGTH, steps=steps, even=False), seed, progress)
-    return Opinions(starts, label, known, said)
+    likelihoods = out_of_sample(
+        seen, starts, label, held, len(known), Recipe(WINDOW_FRAMES, steps=steps, even=False), seed, progress
+    )
+    return Opinions(starts, label, known, likelihoods)
 
 
 def verdicts(opinions: Opinions, noise: float) -> JudgedWindows:
     """Which windows have an issue, by cleanlab; ``noise`` is the share of the estimated errors that is taken."""
-    label, said, known = opinions.label, opinions.said, opinions.known
-    issue = find_label_issues(label, said, filter_by="prune_by_noise_rate", frac_noise=noise, n_jobs=1)
-    doubt = 1.0 - said[np.arange(len(label)), label]
+    label, likelihoods, known = opinions.label, opinions.likelihoods, opinions.known
+    issue = find_label_issues(label, likelihoods, filter_by="prune_by_noise_rate", frac_noise=noise, n_jobs=1)
+    doubt = 1.0 - likelihoods[np.arange(len(label)), label]
     return JudgedWindows(
-        LENGTH, opinions.starts, known[label], known[said.argmax(axis=1)], np.asarray(issue, dtype=bool), doubt
+        WINDOW_FRAMES,
+        opinions.starts,
+        known[label],
+        known[likelihoods.argmax(axis=1)],
+        np.asarray(issue, dtype=bool),
+        doubt,
     )
 
 
@@ -144,7 +151,7 @@ def out_of_sample(
     return out
 
 
-def told(data: Database, runs: list[DroppedStretch], dropped: ndarray, noise: float) -> dict[str, object]:
+def summary(data: Database, runs: list[DroppedStretch], dropped: ndarray, noise: float) -> dict[str, object]:
     """What `labels.json` says: the share kept, and every stretch that was dropped, in frames of its clip."""
     listed = []
     for run in runs:
@@ -187,11 +194,11 @@ def draw(data: Database, runs: list[DroppedStretch], out: Path) -> list[Path]:
         for run in lost[style]:
             turns[run.clip] = turns.get(run.clip, 0) + 1
             order.append((turns[run.clip], len(order)))
-        chosen = [lost[style][k] for _, k in sorted(order)[:ROWS]]
+        chosen = [lost[style][k] for _, k in sorted(order)[:PICTURE_ROWS]]
         frames = sum(r.stop - r.start for r in lost[style])
         files.append(out / f"dropped-{style}.png")
         heading = f"{style}: {frames} frames lose this label"
-        longest = f"at most {SHOWN / MODEL_RATE:g} s of each"
+        longest = f"at most {DRAWN_FRAMES / MODEL_RATE:g} s of each"
         contact_sheet(files[-1], [_row(data, run) for run in chosen], heading, longest)
     return files
 
@@ -199,7 +206,7 @@ def draw(data: Database, runs: list[DroppedStretch], out: Path) -> list[Path]:
 def _row(data: Database, run: DroppedStretch) -> SheetRow:
     first, info = int(data.ranges[run.clip, 0]), data.clips[run.clip]
     middle = (run.start + run.stop) // 2
-    start, stop = max(run.start, middle - SHOWN // 2), min(run.stop, middle + SHOWN // 2)
+    start, stop = max(run.start, middle - DRAWN_FRAMES // 2), min(run.stop, middle + DRAWN_FRAMES // 2)
     motion: Motion = data.motion(start, stop)
     notes = (
         f"{info.name}",

@@ -18,14 +18,13 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from interpose import parts
-from interpose.data import database
 from interpose.features import JOINTS, POSE, RATE
 from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.models.normal import Normal, divergence
 from interpose.models.target_pose import LONGEST_TARGET_FRAMES, TargetInput, TargetPose, TargetSize, posed, residual
-from interpose.train.common import checkpoint, loop
+from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
-from interpose.train.common.frames import Frames, divided, joined_styles, origin
+from interpose.train.common.frames import Frames
 from interpose.train.common.optimize import descend, scalars
 
 
@@ -68,7 +67,7 @@ PRESETS: dict[str, TargetConfig] = {
 }
 """``full`` is for a GPU, ``small`` is useful on one CPU core in eight minutes, ``tiny`` is for tests."""
 
-PLAIN = TargetConfig(free_style=0.0, at_speed=0.0, strayed=0.0)
+_VALIDATION = TargetConfig(free_style=0.0, at_speed=0.0, strayed=0.0)
 """What validation draws with."""
 
 
@@ -88,12 +87,9 @@ def train(
     folder of another config.
     """
     chosen = config or preset_of(PRESETS, preset)
-    loaded = [database.load(path) for path in data]
-    styles = joined_styles(loaded)
-    size = replace(chosen.size, styles=len(styles))
-    chosen = replace(chosen, seed=seed, size=size, styles=styles, **origin(loaded))
-    training, held_out = divided(loaded, list(styles))
-    return run(chosen, training.to(device), held_out.to(device), run_dir, max_minutes)
+    loaded, kept = setup.load(data)
+    chosen = replace(chosen, size=replace(chosen.size, styles=len(kept["styles"])), seed=seed, **kept)
+    return run(chosen, *setup.split(loaded, chosen.styles, device), run_dir, max_minutes)
 
 
 def run(config: TargetConfig, data: Frames, held_out: Frames, run_dir: Path, max_minutes: float | None) -> loop.Outcome:
@@ -106,7 +102,7 @@ def run(config: TargetConfig, data: Frames, held_out: Frames, run_dir: Path, max
     model.half_products = config.half
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
     average = loop.moving_average(model, config.average)
-    state = checkpoint.State({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
+    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
 
     def update(step: int) -> Mapping[str, Tensor | float]:
         loop.set_learning_rate(optimizer, config.learning_rate * loop.cosine(step, config.steps, config.warmup, 0.01))
@@ -219,7 +215,7 @@ def ratios(model: TargetPose, data: Frames, config: TargetConfig, rows: int = 10
     for name in [*parts.GROUPS, parts.GROUND]:
         given = parts.parse(name)
         generator = torch.Generator(data.hips.device).manual_seed(0)
-        known, _ = draw(data, replace(PLAIN, size=config.size), rows, generator, given)
+        known, _ = draw(data, replace(_VALIDATION, size=config.size), rows, generator, given)
         x, place = model(known)
         likeliest = model.decode(x, place, known, x.new_zeros(rows, model.size.latent))
         carried = posed(place, known, x.new_zeros(rows, POSE))
