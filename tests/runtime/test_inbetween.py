@@ -23,7 +23,7 @@ RATES = [24.0, 25.0, 30000 / 1001, 30.0, 50.0, 60.0, 120.0]
 
 def stand_in(method="dcmoe"):
     """A session whose network is never made: the roll-out is replaced."""
-    info = {"name": "stand-in", "method": method, "styles": ["Angry", "Old"], "absolute": False}
+    info = {"name": "stand-in", "method": method, "styles": ["Angry", "Old"]}
     return Session(Path("nowhere"), info)
 
 
