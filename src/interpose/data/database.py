@@ -31,7 +31,7 @@ from interpose.motion import Motion
 from interpose.skeleton import HUMANOID, MODEL_RATE
 
 DATABASE_VERSION = 1
-META_FILE = "meta.json"
+DATABASE_META = "meta.json"
 _ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
     "root_positions": ((3,), np.float32),
     "local_rotations": ((len(HUMANOID), 4), np.float32),
@@ -131,13 +131,13 @@ def load(path: Path | str) -> Database:
     """The database in a folder; raises InputError where it is missing, incomplete, corrupt, or of another version."""
     path = Path(path)
     try:
-        meta = json.loads((path / META_FILE).read_text(encoding="utf-8"))
+        meta = json.loads((path / DATABASE_META).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(
-            f"{path} is not a finished database: it has no {META_FILE}; make one with 'interpose prepare'"
+            f"{path} is not a finished database: it has no {DATABASE_META}; make one with 'interpose prepare'"
         ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path / META_FILE} cannot be read ({error}); prepare the database again") from None
+        raise InputError(f"{path / DATABASE_META} cannot be read ({error}); prepare the database again") from None
     try:
         if meta["version"] != DATABASE_VERSION:
             raise InputError(f"{path} has version {meta['version']}, not {DATABASE_VERSION}; prepare it again")
@@ -150,7 +150,7 @@ def load(path: Path | str) -> Database:
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path / META_FILE} is not that of a database ({error!r}); prepare it again") from None
+        raise InputError(f"{path / DATABASE_META} is not that of a database ({error!r}); prepare it again") from None
     arrays = {name: _map(path / f"{name}.npy", *_ARRAYS[name]) for name in _ARRAYS}
     frames = len(arrays["root_positions"])
     ends = np.concatenate([[0], arrays["ranges"][:, 1]])
@@ -220,12 +220,12 @@ def write(
                     files[field.name].write(array.tobytes())
                     # Rounded to 0.1 mm, since the last bits of a float depend on the processor.
                     digest.update(np.rint(array * np.float64(1e4)).astype("<i4").tobytes())
-        (path / META_FILE).unlink(missing_ok=True)
+        (path / DATABASE_META).unlink(missing_ok=True)
         for name, file in temporary.items():
             os.replace(file, path / f"{name}.npy")
         meta["fingerprint"] = digest.hexdigest()
-        (path / f".{META_FILE}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
-        os.replace(path / f".{META_FILE}.new", path / META_FILE)
+        (path / f".{DATABASE_META}.new").write_text(json.dumps(meta, indent=1), encoding="utf-8")
+        os.replace(path / f".{DATABASE_META}.new", path / DATABASE_META)
     except OSError as error:
         raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
     finally:

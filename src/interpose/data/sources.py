@@ -145,7 +145,7 @@ DATASETS = {
 
 
 @dataclass(frozen=True)
-class SourceFile:
+class DatasetFile:
     """A file of a source: on disk, or in a zip archive on disk (then ``member`` is its name there)."""
 
     name: str
@@ -170,7 +170,7 @@ class SourceClip:
     """A clip to prepare. ``cut`` is the range [start, stop) to keep, at ``FRAME_CUTS_RATE``; None keeps all."""
 
     name: str
-    source: SourceFile
+    source: DatasetFile
     labels: ClipLabels
     cut: tuple[int, int] | None
 
@@ -196,7 +196,7 @@ def find(dataset: str, sources: Sequence[Path | str], split: str = "all") -> Sou
     chosen = _checked(dataset, split)
     if not sources:
         raise InputError("no source given; name at least one folder, zip archive or file")
-    found: list[tuple[SourceFile, ClipLabels, tuple[int, int] | None]] = []
+    found: list[tuple[DatasetFile, ClipLabels, tuple[int, int] | None]] = []
     skipped: list[tuple[str, str]] = []
     for source in map(Path, sources):
         files = _files(source, (chosen.suffix, ".csv"))
@@ -243,7 +243,7 @@ def _checked(dataset: str, split: str) -> Dataset:
     return DATASETS[dataset]
 
 
-def _files(source: Path, suffixes: tuple[str, ...]) -> list[SourceFile]:
+def _files(source: Path, suffixes: tuple[str, ...]) -> list[DatasetFile]:
     """Every file of these suffixes below a folder, in an archive, or the file itself; names relative, with '/'."""
     try:
         if source.is_dir():
@@ -256,7 +256,7 @@ def _files(source: Path, suffixes: tuple[str, ...]) -> list[SourceFile]:
             with zipfile.ZipFile(source) as archive:
                 members = sorted(archive.infolist(), key=lambda member: member.filename)
             return [
-                SourceFile(member.filename, source, member.filename, member.file_size, member.CRC)
+                DatasetFile(member.filename, source, member.filename, member.file_size, member.CRC)
                 for member in members
                 if _is_wanted(PurePosixPath(member.filename).name, suffixes)
                 and not member.filename.startswith("__MACOSX/")
@@ -272,9 +272,9 @@ def _is_wanted(name: str, suffixes: tuple[str, ...]) -> bool:
     return name.lower().endswith(suffixes) and not name.startswith(".")
 
 
-def _file_on_disk(file: Path, name: str) -> SourceFile:
+def _file_on_disk(file: Path, name: str) -> DatasetFile:
     status = file.stat()
-    return SourceFile(name, file, "", status.st_size, status.st_mtime_ns)
+    return DatasetFile(name, file, "", status.st_size, status.st_mtime_ns)
 
 
 def _folders(source: Path) -> PurePosixPath:
@@ -299,7 +299,7 @@ def _unique_names(files: Sequence[str]) -> list[str]:
     return names
 
 
-def _read_frame_cuts(source: Path, files: Sequence[SourceFile]) -> dict[str, tuple[int, int]]:
+def _read_frame_cuts(source: Path, files: Sequence[DatasetFile]) -> dict[str, tuple[int, int]]:
     """The range [start, stop) at 60 Hz of each `Style_CONTENT` in the table; 'N/A' gives none."""
     tables = [file for file in files if PurePosixPath(file.name).name == FRAME_CUTS]
     if not tables:
