@@ -143,8 +143,11 @@ def test_every_name_of_code_exists(page: Path) -> None:
 def test_every_name_in_a_picture_exists(picture: Path) -> None:
     texts = [node for node in ElementTree.parse(picture).iter() if node.get("class") == "code"]
     assert texts
+    everywhere = {name for module in PACKAGE.rglob("*.py") for name in names_in(module)}
     for node in texts:
-        assert not missing(node.text or ""), f"{picture.name} names {node.text}; {missing(node.text or '')}"
+        name = node.text or ""
+        assert not missing(name), f"{picture.name} names {name}; {missing(name)}"
+        assert module_of(name) or name in everywhere, f"{picture.name} names {name}, which no module has"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
