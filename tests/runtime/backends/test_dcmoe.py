@@ -10,7 +10,7 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.features import HISTORY, KEY_STEP
 from interpose.runtime import poses
-from interpose.runtime.backends import dcmoe
+from interpose.runtime.backends import dcmoe, dcmoe_state
 from interpose.runtime.gap_batch import batch_of, draws
 from interpose.runtime.model_folder import Session
 from interpose.skeleton import HUMANOID, local_rotations
@@ -27,7 +27,7 @@ def keys():
     clips = [learning.march(80, 0.8 + 0.3 * i, 2.0 * i) for i in range(BATCH)]
     context = [np.stack([getattr(c, x)[11:21] for c in clips]) for x in ("root_positions", "local_rotations")]
     target = [np.stack([getattr(c, x)[60:61] for c in clips]) for x in ("root_positions", "local_rotations")]
-    return [x[:, -1:] for x in context], target, context
+    return tuple(x[:, -1:] for x in context), target, context
 
 
 def ends(start, target):
@@ -86,14 +86,14 @@ def test_the_base_is_straight_and_of_constant_speed(keys):
 def test_before_a_lone_start_the_figure_stands_and_only_the_present_phase_is_known(keys):
     start, _, context = keys
     phases = np.random.default_rng(0).normal(size=(BATCH, 13, 10, 2))
-    state = dcmoe.initial_state(poses.pose_of(*start), phases)
+    state = dcmoe_state.initial_state(poses.pose_of(*start), phases)
     assert not state["velocities"].any()
     assert not state["velocity_known"].any()
     np.testing.assert_array_equal(state["track"], np.repeat(state["track"][:, -1:], HISTORY + 1, axis=1))
     assert not state["phase_past"][:, :-1].any()
     np.testing.assert_array_equal(state["phase_past"][:, -1], phases[:, 6])
     np.testing.assert_array_equal(state["phase_future"], phases[:, 7:])
-    longer = dcmoe.initial_state(poses.pose_of(*context), phases)["phase_past"]
+    longer = dcmoe_state.initial_state(poses.pose_of(*context), phases)["phase_past"]
     assert not longer[:, : HISTORY - 10].any()
     np.testing.assert_allclose(longer[:, -1 - KEY_STEP], phases[:, 5])
     assert np.abs(longer[:, -10:]).min() > 0.0
@@ -125,7 +125,7 @@ def test_the_last_frame_leads_into_the_target_exactly(session, keys, fed, count)
     made = generate(session, start, target, count)
     feed, said = fed[-1]
     base = poses.interpolation(*ends(start, target), count).astype(np.float32)
-    last = feed | dcmoe.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
+    last = feed | dcmoe_state.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
     last |= {"base": base[:, count], "base_next": base[:, count + 1]}
     arrived = session.step(last)
     goal = poses.pose_of(*ends(start, target)[1])

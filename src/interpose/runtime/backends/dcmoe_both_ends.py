@@ -10,7 +10,7 @@ import numpy as np
 
 from interpose.features.stitch import schedule
 from interpose.runtime import planner
-from interpose.runtime.backends import chains, dcmoe
+from interpose.runtime.backends import chains, dcmoe_state
 from interpose.runtime.gap_batch import GapBatch, Generated, by_length
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path, continued, last, local_of, pose_of
@@ -28,18 +28,18 @@ def _stitch(session: Session, batch: GapBatch) -> Generated:
     """Gaps of one length. Each step is led to the other chain's newest frame: with D what that frame differs by from
     its base, a base that is moved by D leads there exactly. The backward network sees the path from its end."""
     steps, count = batch.longest + 1, len(batch)
-    phases = dcmoe.initial_phases(session, batch.draws)
+    phases = dcmoe_state.initial_phases(session, batch.draws)
     goal = pose_of(batch.target_root[:, None], batch.target_local[:, None])
     base = planner.base(session, batch, None)[0].astype(np.float32)
-    states = [dcmoe.initial_state(batch.context, phases), dcmoe.initial_state(goal, np.zeros_like(phases))]
+    states = [dcmoe_state.initial_state(batch.context, phases), dcmoe_state.initial_state(goal, np.zeros_like(phases))]
     if batch.arriving is not None:
         states[1] |= {"velocities": -batch.arriving, "velocity_known": np.ones((count, 1))}
     states = [{k: np.ascontiguousarray(v, dtype=np.float32) for k, v in state.items()} for state in states]
     keys = [states[0], states[1]]
     turned_back = [_reversed(path) for path in batch.paths]
-    seen = [dcmoe.path_keys(paths, batch.longest) for paths in (batch.paths, turned_back)]
+    seen = [dcmoe_state.path_keys(paths, batch.longest) for paths in (batch.paths, turned_back)]
     given = np.array([[float(path is not None)] for path in batch.paths], dtype=np.float32)
-    fixed = dcmoe.steering(session, last(goal), batch.styles, batch.style_strength) | {"path_known": given}
+    fixed = dcmoe_state.steering(session, last(goal), batch.styles, batch.style_strength) | {"path_known": given}
     made: tuple[list[chains.Frame], list[chains.Frame]] = ([], [])
     at = [0, steps]
     for move in schedule(steps, BUFFER):
@@ -55,7 +55,7 @@ def _stitch(session: Session, batch: GapBatch) -> Generated:
             "path": seen[side][:, min(gone, batch.longest - 1)].astype(np.float32),
         }
         out = session.run("back" if side else "step", states[side] | control)
-        states[side] = dcmoe.after(out)
+        states[side] = dcmoe_state.after(out)
         made[side].append(states[side] | {"contacts": out["contacts"]})
         at[side] = move.made
     hips, turned, contacts = chains.joined(made, steps, BUFFER)

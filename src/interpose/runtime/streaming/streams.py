@@ -22,7 +22,7 @@ from interpose.features import POSE
 from interpose.features.plan import LONGEST_PLAN_STEPS
 from interpose.motion import Motion, concatenate
 from interpose.runtime import planner, poses
-from interpose.runtime.backends import dcmoe
+from interpose.runtime.backends import dcmoe_state
 from interpose.runtime.feet.stream_lock import FootLock
 from interpose.runtime.gap_batch import draws
 from interpose.runtime.interpolate import aligned, check_gap
@@ -115,7 +115,7 @@ class Streams:
             feed = {name: np.concatenate([value, former[name]]) for name, value in feed.items()}
         out = self._session.step(feed)
         after = {name: value[: self._count] for name, value in out.items()}
-        self._state, self._path, self._left = dcmoe.after(after), after["next_path"], left - 1
+        self._state, self._path, self._left = dcmoe_state.after(after), after["next_path"], left - 1
         self.contacts = after["contacts"].astype(float)
         pose = _pose(out, slice(self._count))
         self._keep_speed(pose, kept, _pose(out, slice(self._count, None)) if former else None, fresh & self._moving)
@@ -147,15 +147,15 @@ class Streams:
         for start, draw in zip(starts, drawn, strict=True):
             known = retarget.to_humanoid(recent(start, CONTEXT), self._mapping)
             context = pose_of(known.root_positions[None], known.local_rotations[None])
-            states.append(dcmoe.initial_state(context, dcmoe.initial_phases(self._session, [draw])))
-            paths.append(dcmoe.resting_path(context))
+            states.append(dcmoe_state.initial_state(context, dcmoe_state.initial_phases(self._session, [draw])))
+            paths.append(dcmoe_state.resting_path(context))
             before.append(known[max(len(known) - 2, 0)])
             now.append(known[-1])
         self._state = {name: np.concatenate([s[name] for s in states]).astype(np.float32) for name in states[0]}
         self._path = np.concatenate(paths)
         self._moving = self._state["velocity_known"][:, 0] > 0.5
         self._before, self._now = (_stacked(poses) for poses in (before, now))
-        self._fixed = dcmoe.steering(self._session, pose_of(*self._now), list(self._styles))
+        self._fixed = dcmoe_state.steering(self._session, pose_of(*self._now), list(self._styles))
         self._base = np.zeros((self._count, POSE), dtype=np.float32)
         self._bases = _Bases.standing(self._now)
         lasts = [start[-1] for start in starts]
@@ -199,7 +199,7 @@ class Streams:
         on22 = retarget.to_humanoid(wanted, self._mapping)
         ends = on22.root_positions, on22.local_rotations
         target = pose_of(*ends)
-        steer = dcmoe.steering(self._session, target, [self._styles[row] for row in rows])
+        steer = dcmoe_state.steering(self._session, target, [self._styles[row] for row in rows])
         for name, value in steer.items():
             self._fixed[name][rows] = value
         start = self._now[0][rows], self._now[1][rows]
