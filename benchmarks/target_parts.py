@@ -66,7 +66,7 @@ def main(db: Path, name: str, pairs: int = 40, out: Path | None = None) -> None:
             figures.append([wrong[0], wrong[1], min(wrong[1:]), *miss, max(100.0 * low, 0.0), 1000.0 * took])
             if len(rows) < 2 * SHOWN:
                 shown = concatenate(start[-1], carried.pose, likeliest.pose, *(o.pose for o in others[:4]), target)
-                rows.append(SheetRow(shown, f"{group}: start, carried, likeliest, four more, truth", keys=(0, -1)))
+                rows.append(SheetRow(shown, f"{group}: start, carried, likeliest, four more, truth"))
         f = np.array(figures)
         mean, most = f.mean(axis=0), f.max(axis=0)
         print(

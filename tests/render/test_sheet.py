@@ -46,10 +46,6 @@ def test_bad_sheets_are_refused_and_leave_no_file(tmp_path: Path) -> None:
         render.contact_sheet(path, [])
     with pytest.raises(InputError, match="without frames"):
         render.contact_sheet(path, [render.SheetRow(walk()[0:0], "Empty")])
-    with pytest.raises(InputError, match=r"key 20 is outside a motion of 20 frames \(0 to 19\)"):
-        render.contact_sheet(path, [render.SheetRow(walk(20), "Walk", keys=(0, 20))])
-    with pytest.raises(InputError, match="at least one key frame"):
-        render.contact_sheet(path, [render.SheetRow(walk(20), "Walk", keys=())])
     with pytest.raises(InputError, match="does not exist"):
-        render.contact_sheet(tmp_path / "nowhere" / "out.png", [render.SheetRow(walk(2), "Walk")], width=600)
+        render.contact_sheet(tmp_path / "nowhere" / "out.png", [render.SheetRow(walk(2), "Walk")])
     assert list(tmp_path.iterdir()) == []

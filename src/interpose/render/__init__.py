@@ -1,7 +1,5 @@
 """Pictures of motions as PNG files, drawn with NumPy and Pillow."""
 
-from interpose.render.inspect import curves as curves
-from interpose.render.inspect import filmstrip as filmstrip
 from interpose.render.sheet import SheetRow as SheetRow
 from interpose.render.sheet import compose as compose
 from interpose.render.sheet import contact_sheet as contact_sheet

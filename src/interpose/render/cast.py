@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from interpose.data import contacts, root
@@ -25,9 +25,8 @@ class Cast:
     """A motion with all that is drawn of it; positions and rotations are global, metres.
 
     coarse: the mesh that casts shadows. floor: its height. track: the root on the ground (x, z). facing: unit vectors
-    (x, z). down: whether the left and the right foot are on the ground. feet: the joints of ankle and toe (the ankle
-    twice where there is no toe) of the left and the right foot. The last three are None for a skeleton that is not a
-    humanoid.
+    (x, z). down: whether the left and the right foot are on the ground. The last two are None for a skeleton that is
+    not a humanoid.
     """
 
     motion: Motion
@@ -39,12 +38,10 @@ class Cast:
     track: Float[ndarray, "frame 2"]
     facing: Float[ndarray, "frame 2"] | None
     down: Bool[ndarray, "frame 2"] | None
-    feet: Int[ndarray, "2 2"] | None
 
-    def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"] | None = None) -> Actor:
+    def actor(self, frame: int, colour: Colour, moved: Float[ndarray, "3"]) -> Actor:
         """The character at a frame, moved by ``moved`` metres."""
-        shift = np.zeros(3) if moved is None else moved
-        return Actor(self.mannequin, self.coarse, self.positions[frame] + shift, self.rotations[frame], colour)
+        return Actor(self.mannequin, self.coarse, self.positions[frame] + moved, self.rotations[frame], colour)
 
     def heading(self) -> Float[ndarray, "3"]:
         """The direction that a camera should see as screen right: that of travel, turned a little towards the viewer.
@@ -58,13 +55,12 @@ class Cast:
         return _turn(first, np.deg2rad(58.0))
 
 
-def cast(motion: Motion, detail: int = 4) -> Cast:
-    """Prepares a motion for drawing; ``detail`` of the mannequin's mesh. Raises InputError for a motion without
-    frames."""
+def cast(motion: Motion) -> Cast:
+    """Prepares a motion for drawing. Raises InputError for a motion without frames."""
     if len(motion) == 0:
         raise InputError("a motion without frames cannot be drawn; give at least one frame")
     positions = motion.global_positions()
-    facing = down = feet = None
+    facing = down = None
     hips = 0
     try:
         found = map_skeleton(motion)
@@ -73,18 +69,14 @@ def cast(motion: Motion, detail: int = 4) -> Cast:
         pass
     else:
         hips = found.joints[HIPS] or 0
-        pairs = found.pairs()
-        named = [(pairs[f"{side}Foot"], pairs[f"{side}Toe"]) for side in ("Left", "Right")]
-        names = motion.skeleton.names
-        feet = np.array([[names.index(str(foot)), names.index(toe or str(foot))] for foot, toe in named])
         facing = root.facing(human)
         joints = contacts.detect(human, motion.rate)
         down = np.stack([joints[:, :2].any(axis=1), joints[:, 2:].any(axis=1)], axis=1)
     lowest = float(np.percentile(positions[..., 1].min(axis=1), 5)) - SOLE
     floor = 0.0 if abs(lowest) < 0.10 else lowest
     track = positions[:, hips][:, [0, 2]]
-    shapes = mannequin(motion, detail), mannequin(motion, 2)
-    return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down, feet)
+    shapes = mannequin(motion, detail=4), mannequin(motion, detail=2)
+    return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down)
 
 
 def _turn(direction: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:

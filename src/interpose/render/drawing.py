@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 from numpy import ndarray
-from PIL import Image, ImageChops, ImageDraw, ImageFilter
+from PIL import Image, ImageDraw, ImageFilter
 from scipy.ndimage import gaussian_filter, minimum_filter
 
 from interpose.mannequin import RIGHT, Mannequin
@@ -102,26 +102,12 @@ def mix(a: Colour, b: Colour, part: float) -> Colour:
     return r, g, b_
 
 
-def draw_floor(image: Image.Image, camera: Camera, height: float, spacing: float | None) -> None:
-    """A floor that fades into the paper, with a square grid of ``spacing`` metres that fades likewise."""
+def draw_floor(image: Image.Image) -> None:
+    """A floor that fades into the paper."""
     width, tall = image.size
     fade = Image.new("L", image.size, 0)
     ImageDraw.Draw(fade).ellipse((width * 0.05, tall * 0.64, width * 0.95, tall * 0.93), fill=255)
-    fade = fade.filter(ImageFilter.GaussianBlur(tall * 0.08))
-    image.paste(FLOOR, (0, 0), fade)
-    if spacing is None:
-        return
-    fine = camera.finer(SUPERSAMPLING)
-    reach = 1.5 * max(width, tall) / camera.scale
-    lines = Image.new("L", (width * SUPERSAMPLING, tall * SUPERSAMPLING), 0)
-    draw = ImageDraw.Draw(lines)
-    middle = np.round(camera.centre / spacing) * spacing * [1.0, 0.0, 1.0] + height * UP
-    for step in np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing:
-        for a, b in (((step, -reach), (step, reach)), ((-reach, step), (reach, step))):
-            ends = np.array([[a[0], 0.0, a[1]], [b[0], 0.0, b[1]]]) + middle
-            draw.line([tuple(p) for p in fine.project(ends)[:, :2].tolist()], fill=150, width=SUPERSAMPLING + 1)
-    lines = lines.resize(image.size, Image.Resampling.BOX)
-    image.paste((190, 184, 172), (0, 0), ImageChops.multiply(lines, fade))
+    image.paste(FLOOR, (0, 0), fade.filter(ImageFilter.GaussianBlur(tall * 0.08)))
 
 
 def draw_shadows(image: Image.Image, camera: Camera, actors: Sequence[Actor], height: float) -> None:
@@ -185,12 +171,10 @@ def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> 
     image.paste(Image.fromarray(np.rint(bodies + (1.0 - share) * np.asarray(image)).astype(np.uint8)))
 
 
-def picture(
-    camera: Camera, actors: Sequence[Actor], size: tuple[int, int], height: float, grid: float | None = None
-) -> Image.Image:
+def picture(camera: Camera, actors: Sequence[Actor], size: tuple[int, int], height: float) -> Image.Image:
     """A finished picture of ``size`` pixels: a floor at y = ``height``, shadows, characters."""
     image = Image.new("RGB", size, PAPER)
-    draw_floor(image, camera, height, grid)
+    draw_floor(image)
     draw_shadows(image, camera, actors, height)
     draw_actors(image, camera, actors)
     return image
