@@ -1,4 +1,4 @@
-"""Key poses for the demo, posed by hand.
+"""Key poses for the demo, posed by hand; `poses.json` holds them.
 
 A pose is a table of joint angles on the 22-joint humanoid, whose T-pose looks along +Z with its left hand at +X.
 Angles are degrees about the parent's X, Y and Z, turned about Z first, then Y, then X; joints that are not named keep
@@ -9,14 +9,16 @@ the T-pose. What they do:
     Y  + turns to the left; on a forearm - (left) or + (right) bends the elbow
     Z  - lowers the left arm, + lowers the right one; + leans the trunk to the right and lifts the left arm or leg
 
-:func:`pose` then sets the figure on the floor: soles that are to be down are made level, the longer leg is bent until
-both reach, and the root's height follows.
+:func:`pose` then sets the character on the floor: soles that are to be down are made level, the longer leg is bent
+until both reach, and the root's height follows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -35,220 +37,24 @@ _UP = np.array([0.0, 1.0, 0.0])
 _AHEAD = np.array([0.0, 0.0, 1.0])
 _HEEL = np.array([0.0, -ANKLE, -0.05])
 _TIP = np.array([0.0, -BALL, 0.07])
-Angles = Mapping[str, tuple[int, int, int]]
 
 
 @dataclass(frozen=True)
 class Pose:
     """angles: see above. flat: sides whose whole sole is down. ball: sides that stand on the ball of the foot."""
 
-    angles: Angles
-    flat: tuple[str, ...] = ("Left", "Right")
-    ball: tuple[str, ...] = ()
+    angles: Mapping[str, Sequence[int]]
+    flat: tuple[str, ...]
+    ball: tuple[str, ...]
 
 
-STAND = Pose(
-    {
-        "Spine1": (2, 0, 0),
-        "Neck": (6, 0, 0),
-        "Head": (-6, 0, 0),
-        "LeftShoulder": (0, 0, -5),
-        "LeftArm": (4, 0, -72),
-        "LeftForeArm": (8, -16, 0),
-        "RightShoulder": (0, 0, 5),
-        "RightArm": (4, 0, 72),
-        "RightForeArm": (8, 16, 0),
-        "LeftUpLeg": (-3, 6, 2),
-        "LeftLeg": (5, 0, 0),
-        "RightUpLeg": (-3, -6, -2),
-        "RightLeg": (5, 0, 0),
-    }
-)
-
-WALK_LEFT = Pose(
-    {
-        "Hips": (3, -7, 0),
-        "Spine": (0, 5, 0),
-        "Spine1": (2, 5, 0),
-        "Spine2": (1, 4, 0),
-        "Neck": (5, -4, 0),
-        "Head": (-8, -3, 0),
-        "LeftShoulder": (0, 0, -5),
-        "LeftArm": (22, 0, -76),
-        "LeftForeArm": (4, -14, 0),
-        "RightShoulder": (0, 0, 5),
-        "RightArm": (-20, 0, 76),
-        "RightForeArm": (10, 28, 0),
-        "LeftUpLeg": (-27, 7, 3),
-        "LeftLeg": (8, 0, 0),
-        "RightUpLeg": (13, 3, -4),
-        "RightLeg": (16, 0, 0),
-    },
-    flat=("Left",),
-    ball=("Right",),
-)
-
-RUN_LEFT = Pose(
-    {
-        "Hips": (9, -8, 0),
-        "Spine": (3, 6, 0),
-        "Spine1": (3, 7, 0),
-        "Spine2": (3, 6, 0),
-        "Neck": (2, -6, 0),
-        "Head": (-14, -5, 0),
-        "LeftShoulder": (0, 6, -4),
-        "LeftArm": (42, 0, -70),
-        "LeftForeArm": (6, -86, 0),
-        "RightShoulder": (0, 6, 4),
-        "RightArm": (-26, 0, 72),
-        "RightForeArm": (26, 88, 0),
-        "LeftUpLeg": (-42, 8, 2),
-        "LeftLeg": (34, 0, 0),
-        "RightUpLeg": (14, 4, -4),
-        "RightLeg": (84, 0, 0),
-        "RightFoot": (24, 0, 0),
-        "RightToe": (8, 0, 0),
-    },
-    flat=("Left",),
-)
-
-WARY = Pose(
-    {
-        "Hips": (14, 4, 0),
-        "Spine": (7, 3, 0),
-        "Spine1": (8, 4, 0),
-        "Spine2": (4, 4, 2),
-        "Neck": (-4, -4, 0),
-        "Head": (-14, -16, 0),
-        "LeftShoulder": (0, -8, 0),
-        "LeftArm": (-4, -58, -26),
-        "LeftForeArm": (0, -34, 0),
-        "LeftHand": (0, 0, 28),
-        "RightShoulder": (0, 8, 0),
-        "RightArm": (8, 48, 34),
-        "RightForeArm": (6, 52, 0),
-        "RightHand": (0, 0, -24),
-        "LeftUpLeg": (-62, 8, 3),
-        "LeftLeg": (58, 0, 0),
-        "RightUpLeg": (-26, -12, -4),
-        "RightLeg": (54, 0, 0),
-    },
-    flat=("Left",),
-    ball=("Right",),
-)
-
-AEROPLANE = Pose(
-    {
-        "Hips": (6, 0, 4),
-        "Spine": (2, 0, 5),
-        "Spine1": (3, 0, 6),
-        "Spine2": (2, 0, 5),
-        "Neck": (0, 0, -8),
-        "Head": (-8, 0, -8),
-        "LeftShoulder": (0, 0, 4),
-        "LeftArm": (0, 6, 2),
-        "LeftForeArm": (0, -4, 0),
-        "RightShoulder": (0, 0, -4),
-        "RightArm": (0, -6, -2),
-        "RightForeArm": (0, 4, 0),
-        "LeftUpLeg": (-30, 5, -1),
-        "LeftLeg": (20, 0, 0),
-        "RightUpLeg": (8, -5, -9),
-        "RightLeg": (22, 0, 0),
-    },
-    flat=("Left",),
-    ball=("Right",),
-)
-
-ANGRY = Pose(
-    {
-        "Hips": (12, 0, 0),
-        "Spine": (7, 0, 0),
-        "Spine1": (8, 0, 0),
-        "Spine2": (6, 0, 0),
-        "Neck": (10, 0, 0),
-        "Head": (-18, 0, 0),
-        "LeftShoulder": (0, -6, 4),
-        "LeftArm": (18, 0, -52),
-        "LeftForeArm": (34, -64, 0),
-        "LeftHand": (0, 0, -24),
-        "RightShoulder": (0, 6, -4),
-        "RightArm": (14, 0, 54),
-        "RightForeArm": (34, 70, 0),
-        "RightHand": (0, 0, 24),
-        "LeftUpLeg": (-42, 10, 9),
-        "LeftLeg": (36, 0, 0),
-        "RightUpLeg": (-20, -12, -9),
-        "RightLeg": (34, 0, 0),
-    }
-)
-
-DRUNK = Pose(
-    {
-        "Hips": (-2, 8, -7),
-        "Spine": (4, 0, 9),
-        "Spine1": (6, 4, 9),
-        "Spine2": (8, 4, 5),
-        "Neck": (14, 0, 6),
-        "Head": (10, 10, 8),
-        "LeftShoulder": (0, 0, 2),
-        "LeftArm": (-16, 0, -46),
-        "LeftForeArm": (0, -44, 0),
-        "LeftHand": (0, 0, -26),
-        "RightShoulder": (0, 0, 8),
-        "RightArm": (12, 0, 66),
-        "RightForeArm": (8, 20, 0),
-        "RightHand": (0, 0, 20),
-        "LeftUpLeg": (-22, 14, 14),
-        "LeftLeg": (20, 0, 0),
-        "RightUpLeg": (4, -16, -5),
-        "RightLeg": (12, 0, 0),
-    }
-)
-
-CHICKEN = Pose(
-    {
-        "Hips": (16, 0, 0),
-        "Spine": (5, 0, 0),
-        "Spine1": (4, 0, 0),
-        "Spine2": (2, 0, 0),
-        "Neck": (22, 0, 0),
-        "Head": (-34, 0, 0),
-        "LeftShoulder": (0, 0, 6),
-        "LeftArm": (4, 10, -34),
-        "LeftForeArm": (66, -132, 0),
-        "RightShoulder": (0, 0, -6),
-        "RightArm": (4, -10, 34),
-        "RightForeArm": (66, 132, 0),
-        "LeftUpLeg": (-54, 10, 3),
-        "LeftLeg": (46, 0, 0),
-        "RightUpLeg": (-22, -10, -4),
-        "RightLeg": (44, 0, 0),
-    },
-    flat=("Left",),
-    ball=("Right",),
-)
-
-KARATE = Pose(
-    {
-        "Hips": (4, -24, 0),
-        "Spine": (2, 2, 0),
-        "Spine1": (3, 4, 0),
-        "Spine2": (2, 6, 0),
-        "Neck": (2, 6, 0),
-        "Head": (-6, 8, 0),
-        "LeftShoulder": (0, -10, 4),
-        "LeftArm": (-10, -62, -8),
-        "LeftForeArm": (-40, -52, 0),
-        "RightShoulder": (0, -4, 0),
-        "RightArm": (26, 0, 58),
-        "RightForeArm": (10, 100, 0),
-        "LeftUpLeg": (-58, 22, 4),
-        "LeftLeg": (60, 0, 0),
-        "RightUpLeg": (14, -18, -12),
-        "RightLeg": (14, 0, 0),
-    }
-)
+_POSES = {
+    name: Pose(entry["angles"], tuple(entry["flat"]), tuple(entry["ball"]))
+    for name, entry in json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8")).items()
+}
+STAND, WALK_LEFT, RUN_LEFT = _POSES["stand"], _POSES["walk-left"], _POSES["run-left"]
+WARY, AEROPLANE, ANGRY = _POSES["wary"], _POSES["aeroplane"], _POSES["angry"]
+DRUNK, CHICKEN, KARATE = _POSES["drunk"], _POSES["chicken"], _POSES["karate"]
 
 
 def mirrored(source: Pose) -> Pose:
@@ -268,7 +74,7 @@ WALK_RIGHT = mirrored(WALK_LEFT)
 def pose(source: Pose, ground: tuple[float, float] = (0.0, 0.0), heading: float = 0.0) -> Motion:
     """One frame of the 22-joint humanoid on the floor y = 0.
 
-    ``ground``: where the hips are, (x, z) metres. ``heading``: which way it looks, degrees from +Z towards +X.
+    ``ground``: where the hips are, (x, z) metres. ``heading``: the direction it faces, degrees from +Z towards +X.
     """
     bends = {"Left": 0.0, "Right": 0.0}
     down = (*source.flat, *source.ball)
