@@ -6,20 +6,16 @@ import numpy as np
 import pytest
 
 from interpose.features.stitch import (
-    ANCHORS,
     Move,
     aim_shapes,
     body_shapes,
-    ends_shapes,
     latent_shapes,
     memory_shapes,
     network_shapes,
     schedule,
     seam,
     shares,
-    spread,
 )
-from interpose.models.planner import Ends
 from interpose.models.stitch_forms import Aim, Body
 from interpose.models.stitching_cvae import Latent, Memory
 
@@ -129,47 +125,18 @@ def test_shares_go_from_one_chain_to_the_other_in_a_straight_line():
         np.testing.assert_allclose(blend, 1.0 / (len(ends.overlap) + 1), atol=1e-12)
 
 
-def test_spread_has_the_anchors_values_at_their_times_and_nothing_at_the_keys():
-    for steps in LENGTHS:
-        weights = spread(steps)
-        assert weights.shape == (steps + 1, ANCHORS)
-        assert not weights[[0, -1]].any()
-        fine = spread(9 * steps)
-        np.testing.assert_allclose(fine[steps : 9 * steps : steps], np.eye(ANCHORS), atol=1e-12)
-        np.testing.assert_allclose(fine[::9], weights, atol=1e-12)  # the same curve, whatever the number of frames
-
-
-def test_spread_is_a_natural_cubic_spline():
-    fine = 50
-    curve = spread((ANCHORS + 1) * fine)
-    bend = np.diff(curve, 2, axis=0)
-    third = np.diff(bend, axis=0)
-    for piece in range(ANCHORS + 1):  # a cubic between anchors
-        inside = third[piece * fine : (piece + 1) * fine - 2]
-        np.testing.assert_allclose(inside, inside[:1].repeat(len(inside), axis=0), atol=1e-9)
-    # The second derivative, carried to the knots from either side: no jump inside, nothing at the ends.
-    for knot in range(fine, ANCHORS * fine + 1, fine):
-        before, after = bend[knot - 2] + third[knot - 3], bend[knot] - third[knot]
-        np.testing.assert_allclose(before, after, atol=1e-9)
-    np.testing.assert_allclose(bend[0], third[0], atol=1e-9)
-    np.testing.assert_allclose(bend[-1], -third[-1], atol=1e-9)
-
-
 def test_the_inputs_are_the_networks_own():
-    assert tuple(ends_shapes(2)) == Ends._fields
     assert tuple(body_shapes(6)) == Body._fields
     assert tuple(name.removeprefix("aim_").removeprefix("base_") for name in aim_shapes(6)) == Aim._fields
     assert tuple(memory_shapes(3, 4)) == Memory._fields
     assert tuple(latent_shapes(16, 2)) == ("latent", *Latent._fields[1:])
-    told = {"form": "paper", "memory": 5, "decoder_memory": 7, "latent": 3, "planned": False, "latents": "frame"}
-    paper = network_shapes(told, 2)
+    network = {"form": "paper", "memory": 5, "decoder_memory": 7, "latent": 3, "planned": False, "latents": "frame"}
+    paper = network_shapes(network, 2)
     assert set(paper) == {"front", "back"}
     assert paper["front"] == paper["back"]
     step = paper["front"]
     assert list(step) == [*Body._fields, *(f"aim_{n}" for n in Aim._fields[:3]), "left", *list(step)[11:]]
     assert (step["rotations"], step["aim_rotations"]) == ((22, 4), (22, 4))
     assert (step["encoder_cell"], step["decoder_hidden"], step["latent"], step["style"]) == ((5,), (7,), (3,), (3,))
-    yaw = network_shapes(told | {"form": "yaw", "latents": "gap"}, 2)
-    assert yaw["plan"] == ends_shapes(2) | {"noise": (3,)}
+    yaw = network_shapes(network | {"form": "yaw", "latents": "gap"}, 2)
     assert yaw["back"]["rotations"] == (22, 6)
-    assert set(network_shapes(told | {"planned": True}, 0)) == {"front", "back", "plan"}

@@ -16,15 +16,15 @@ from interpose.features import (
     EXPERT_INPUT,
     KEY_STEP,
     KEYS,
-    LONGEST,
+    LONGEST_ARRIVAL,
     RATE,
     control_shapes,
     state_shapes,
 )
-from interpose.models.dcmoe import Control, DCMoE, Network, Size, State
+from interpose.models.dcmoe import Control, DCMoE, DCMoESize, Network, State
 from interpose.models.geometry import facing, joint_positions, to_matrix
 from interpose.skeleton import HUMANOID
-from interpose.train.dcmoe.sequences import Sampling, base_window, draw
+from interpose.train.dcmoe.sequences import base_window, draw
 
 BATCH = 6
 
@@ -32,7 +32,7 @@ BATCH = 6
 @pytest.fixture
 def situation(frames):
     """A state and what steers it, in double precision, from the middle of real gaps; the paths are given."""
-    rule = Sampling(lone_start=0.0, context_start=0.0, path=1.0, phase_known_inside=1.0, style_dropout=0.0)
+    rule = RollOutSampling(GapSampling(path=1.0, style_dropout=0.0), inside=1.0, phase_known_inside=1.0)
     rows = draw(frames, BATCH, len(learning.STYLES), rule, torch.Generator().manual_seed(4))
     steer = learning.steering(frames, rows)
     return State(*(x.double() for x in rows.state)), Control(*(x.double() for x in steer))
@@ -51,7 +51,7 @@ def test_shapes_are_those_of_the_features(situation):
 
 def test_a_gate_that_chooses_leaves_one_plain_network():
     torch.manual_seed(0)
-    model = Network(Size(experts=3, hidden=8, gate=(8, 4)))
+    model = Network(DCMoESize(experts=3, hidden=8, gate=(8, 4)))
     for module in model.experts:
         torch.nn.init.normal_(module.linear.bias)
     torch.nn.init.zeros_(model.gate[-1].weight)
@@ -113,16 +113,16 @@ def test_a_long_way_off_looks_as_the_longest_seen_in_training(double, situation)
     state, steer = situation
     x, _, _, _ = double.features(state, steer._replace(frames_left=torch.full((BATCH, 1), 500.0).double()))
     time = x[:, EXPERT_INPUT.slices()["time"]]
-    torch.testing.assert_close(time[:, 0], torch.full((BATCH,), LONGEST / RATE).double())
+    torch.testing.assert_close(time[:, 0], torch.full((BATCH,), LONGEST_ARRIVAL / RATE).double())
 
 
 def test_a_silent_network_leaves_the_interpolation(network, frames):
     model = learning.silence(copy.deepcopy(network))
-    rows = draw(frames, 8, 2, Sampling(lone_start=1.0, context_start=0.0), torch.Generator().manual_seed(1))
+    rows = draw(frames, 8, 2, RollOutSampling(inside=0.0), torch.Generator().manual_seed(1))
     base = base_window(frames, rows, 40)
     for i in range(40):
         rows.state, _ = model(rows.state, learning.steering(frames, rows))
-        rows.gone = torch.minimum(rows.gone + 1, rows.total)
+        rows.gone = torch.minimum(rows.gone + 1, rows.gaps.steps)
         torch.testing.assert_close(rows.state.hips, base[i + 1, :, :3], atol=2e-5, rtol=0)
         torch.testing.assert_close(rows.state.rotations.flatten(1), base[i + 1, :, 3:], atol=2e-5, rtol=0)
 
@@ -142,11 +142,11 @@ def test_an_error_decays_linearly_and_the_network_adds_in_the_root_frame(double,
 
 
 def test_arrival_is_exact_whatever_the_network_says(network, frames):
-    rows = draw(frames, 32, 2, Sampling(), torch.Generator().manual_seed(2))
-    rows.gone = rows.total - 1
+    rows = draw(frames, 32, 2, RollOutSampling(), torch.Generator().manual_seed(2))
+    rows.gone = rows.gaps.steps - 1
     steer = learning.steering(frames, rows)
     after, _ = network(rows.state, steer)
-    target = rows.start + rows.total
+    target = rows.gaps.target
     torch.testing.assert_close(after.hips, frames.hips[target], atol=1e-6, rtol=0)
     torch.testing.assert_close(after.rotations, frames.rotations[target], atol=1e-5, rtol=0)
     torch.testing.assert_close(after.positions, frames.positions[target], atol=1e-5, rtol=0)
@@ -192,12 +192,14 @@ def test_turning_and_moving_the_world_turns_and_moves_the_answer(frames, situati
         base_next=pose(steer.base_next),
         path=ground(steer.path, 1.0, 0.0, 0.0),
     )
-    wanted, said = model(state, steer)
-    got, said_turned = model(world(state), turned)
+    wanted, predicted = model(state, steer)
+    got, predicted_turned = model(world(state), turned)
     for name, value in world(wanted)._asdict().items():
         torch.testing.assert_close(getattr(got, name), value, atol=1e-4, rtol=0, msg=name)
     for name in ("positions", "rotations", "velocities", "contacts", "trajectory", "phases"):
-        torch.testing.assert_close(getattr(said_turned, name), getattr(said, name), atol=1e-4, rtol=0, msg=name)
+        torch.testing.assert_close(
+            getattr(predicted_turned, name), getattr(predicted, name), atol=1e-4, rtol=0, msg=name
+        )
     assert float((wanted.hips - steer.base_next[:, :3]).norm(dim=-1).max()) > 0.01
 
 
@@ -224,10 +226,10 @@ def test_the_style_steers_and_labels_mix(double, situation):
     torch.testing.assert_close(mixed[0], 0.3 * table[1] + 0.7 * table[2])
 
 
-def _saying_phases(model: DCMoE, said) -> DCMoE:
-    """``model`` made to predict the phases ``said``, (key, channel, 3), whatever it sees."""
+def _predicting_phases(model: DCMoE, predicted) -> DCMoE:
+    """``model`` made to predict the phases ``predicted``, (key, channel, 3), whatever it sees."""
     model = learning.silence(copy.deepcopy(model)).double()
-    model.out_mean[model.layout.slices()["phase"]] = said.flatten().double()
+    model.out_mean[model.layout.slices()["phase"]] = predicted.flatten().double()
     return model
 
 
@@ -240,7 +242,7 @@ def test_phases_that_agree_turn_by_their_frequency(network, situation):
         return 5.0 * torch.stack([angle.sin(), angle.cos()], dim=-1)
 
     wanted = point(start + 2.0 * math.pi * frequency / RATE)
-    model = _saying_phases(network, torch.cat([wanted, frequency[..., None]], dim=-1))
+    model = _predicting_phases(network, torch.cat([wanted, frequency[..., None]], dim=-1))
     past = state.phase_past.clone()
     past[:, -1], future = point(start[0]), point(start[1:]).expand(BATCH, -1, -1, -1)
     after, _ = model(state._replace(phase_past=past, phase_future=future), steer)
@@ -255,20 +257,20 @@ def test_phases_that_disagree_are_averaged_in_direction(network, situation):
     past = state.phase_past.clone()
     past[:, -1] = 5.0 * torch.stack([angle.sin(), angle.cos()], dim=-1)
     still = torch.tensor([0.0, 2.0, 0.0]).expand(7, CHANNELS, 3)  # phase nought, amplitude two, no frequency
-    after, _ = _saying_phases(network, still)(state._replace(phase_past=past), steer)
-    said = after.phase_past[:, -1]
-    torch.testing.assert_close(torch.atan2(*said.unbind(-1)), (angle / 2.0).expand(BATCH, -1), atol=0.01, rtol=0)
-    torch.testing.assert_close(said.norm(dim=-1), torch.full_like(said[..., 0], 2.0), atol=0.05, rtol=0)
+    after, _ = _predicting_phases(network, still)(state._replace(phase_past=past), steer)
+    predicted = after.phase_past[:, -1]
+    torch.testing.assert_close(torch.atan2(*predicted.unbind(-1)), (angle / 2.0).expand(BATCH, -1), atol=0.01, rtol=0)
+    torch.testing.assert_close(predicted.norm(dim=-1), torch.full_like(predicted[..., 0], 2.0), atol=0.05, rtol=0)
 
 
 def test_of_unknown_phases_the_prediction_stands_and_nothing_breaks(network, situation):
     state, steer = situation
     past, future = torch.zeros_like(state.phase_past), torch.zeros_like(state.phase_future)
-    said = torch.randn(7, CHANNELS, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    said[..., :2] *= 5.0 / said[..., :2].norm(dim=-1, keepdim=True)
-    after, _ = _saying_phases(network, said)(state._replace(phase_past=past, phase_future=future), steer)
-    torch.testing.assert_close(after.phase_past[:, -1], said[0, :, :2].expand(BATCH, -1, -1), atol=0.1, rtol=0)
-    silent = _saying_phases(network, torch.zeros(7, CHANNELS, 3))
+    predicted = torch.randn(7, CHANNELS, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    predicted[..., :2] *= 5.0 / predicted[..., :2].norm(dim=-1, keepdim=True)
+    after, _ = _predicting_phases(network, predicted)(state._replace(phase_past=past, phase_future=future), steer)
+    torch.testing.assert_close(after.phase_past[:, -1], predicted[0, :, :2].expand(BATCH, -1, -1), atol=0.1, rtol=0)
+    silent = _predicting_phases(network, torch.zeros(7, CHANNELS, 3))
     silent.requires_grad_()
     after, _ = silent(state._replace(phase_past=past, phase_future=future), steer)
     assert not after.phase_past.any()
@@ -280,7 +282,7 @@ def test_of_unknown_phases_the_prediction_stands_and_nothing_breaks(network, sit
 
 def test_the_next_state_is_of_one_piece(network, situation):
     state, steer = (type(part)(*(x.float() for x in part)) for part in situation)
-    after, said = network(state, steer)
+    after, predicted = network(state, steer)
     matrices = to_matrix(after.rotations)
     torch.testing.assert_close(after.positions, joint_positions(after.hips, matrices))
     torch.testing.assert_close(after.velocities, (after.positions - state.positions) * RATE)
@@ -288,20 +290,20 @@ def test_the_next_state_is_of_one_piece(network, situation):
     torch.testing.assert_close(after.track[:, -1, :2], after.hips[:, ::2])
     torch.testing.assert_close(after.track[:, -1, 2:], facing(matrices[:, 0]))
     assert torch.all(after.velocity_known == 1.0)
-    local = (after.positions - said.origin[:, None]) @ said.frame
-    torch.testing.assert_close(said.positions, local)
-    torch.testing.assert_close(said.raw_positions, local)
-    columns = (after.rotations.reshape(BATCH, 22, 2, 3) @ said.frame[:, None]).reshape(BATCH, 22, 6)
-    torch.testing.assert_close(said.rotations, columns)
+    local = (after.positions - predicted.origin[:, None]) @ predicted.frame
+    torch.testing.assert_close(predicted.positions, local)
+    torch.testing.assert_close(predicted.raw_positions, local)
+    columns = (after.rotations.reshape(BATCH, 22, 2, 3) @ predicted.frame[:, None]).reshape(BATCH, 22, 6)
+    torch.testing.assert_close(predicted.rotations, columns)
 
 
 def test_the_papers_form_is_the_pose_itself(frames, situation):
     model = learning.silence(learning.network_for(frames, absolute=True)).double()
     state, steer = situation
-    said = torch.zeros(66 + 132, dtype=torch.float64)
-    said[:3] = torch.tensor([0.0, 0.9, 0.1])
-    said[66:] = torch.tensor([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).repeat(22)
-    model.out_mean[:198] = said
+    predicted = torch.zeros(66 + 132, dtype=torch.float64)
+    predicted[:3] = torch.tensor([0.0, 0.9, 0.1])
+    predicted[66:] = torch.tensor([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).repeat(22)
+    model.out_mean[:198] = predicted
     after, prediction = model(state, steer)
     yaw = facing(to_matrix(state.rotations[:, 0]))
     wanted = state.hips * torch.tensor([1.0, 0.0, 1.0]) + torch.stack(
@@ -309,7 +311,7 @@ def test_the_papers_form_is_the_pose_itself(frames, situation):
     )
     torch.testing.assert_close(after.hips, wanted)
     torch.testing.assert_close(after.track[:, -1, 2:], yaw)
-    torch.testing.assert_close(prediction.raw_positions[:, 0], said[:3].expand(BATCH, 3))
+    torch.testing.assert_close(prediction.raw_positions[:, 0], predicted[:3].expand(BATCH, 3))
     head = after.positions[:, HUMANOID.index("Head")] - after.hips
     assert float((prediction.raw_positions - prediction.positions)[:, 1:].norm(dim=-1).min()) > 0.01
     torch.testing.assert_close(head.norm(dim=-1), torch.full((BATCH,), 0.6944).double(), atol=1e-3, rtol=0)

@@ -8,7 +8,7 @@ from torch import nn
 
 from interpose.models.discriminator import LONG, SHORT, Discriminators, critic_loss, generator_loss, seen
 from interpose.models.geometry import to_matrix
-from interpose.train.common import gaps
+from interpose.train.stitch.truth import yaw_motion
 
 CHANNELS = 132
 
@@ -33,7 +33,7 @@ def reading():
 
 def shown(frames, rows=4, steps=14):
     chosen = drawn(frames, rows, steps)
-    true = gaps.motion(frames, chosen, steps)
+    true = yaw_motion(frames, chosen, steps)
     return true.positions, to_matrix(true.rotations[:, 0, 0])
 
 

@@ -9,17 +9,17 @@ import torch
 from stitch_learning import Elsewhere, latent, loud, situation
 from torch import nn
 
-from interpose.models.planner import normal
-from interpose.models.stitching_cvae import LONGEST, Generator, LocalPhase, Memory, Size, StitchingCVAE
+from interpose.models.normal import normal
+from interpose.models.stitching_cvae import LONGEST_CHAIN, Generator, LocalPhase, Memory, StitchingCVAE, StitchSize
 from interpose.train.stitch.config import PRESETS
 
 BATCH = 6
 SIZE = stitch_learning.CONFIG.size
-FRAME = stitch_learning.letter(SIZE)
+FRAME = stitch_learning.paper_form(SIZE)
 
 
 @pytest.fixture(scope="module")
-def letter(frames):
+def paper_network(frames):
     """The paper's form; not to be changed."""
     return stitch_learning.network_for(frames, stitch_learning.PAPER)
 
@@ -34,7 +34,7 @@ def paper(frames):
     return situation(frames, BATCH, form="paper")
 
 
-def made(size: Size, seed: int = 0) -> Generator:
+def made(size: StitchSize, seed: int = 0) -> Generator:
     """A loud generator."""
     torch.manual_seed(seed)
     return loud(StitchingCVAE(size)).front.eval().requires_grad_(False)
@@ -85,9 +85,9 @@ def test_a_step_is_the_same_everywhere(stitch_network, yaw):
     body, aim = yaw
     side, z = stitch_network.front, latent(SIZE)
     memory = remembering(side)
-    after, kept, contacts, said = side(body, aim, memory, z)
+    after, kept, contacts, made = side(body, aim, memory, z)
     moved, alike, also, _ = side(there.body(body), there.aim(aim), memory, z)
-    assert said is None
+    assert made is None
     for one, other in zip(there.body(after), moved, strict=True):
         torch.testing.assert_close(other, one, atol=2e-3, rtol=1e-3)
     for one, other in zip([*kept, contacts], [*alike, also], strict=True):
@@ -164,9 +164,9 @@ def test_the_phase_modulates_the_experts_and_a_lone_one_has_none(frames, size):
         assert not torch.equal(one.phase, other.phase)
 
 
-def test_the_phase_goes_on_by_its_own_network(letter, paper):
+def test_the_phase_goes_on_by_its_own_network(paper_network, paper):
     body, aim = paper
-    side = letter.front
+    side = paper_network.front
     after = side(body, aim, side.begin(BATCH, torch.zeros(1)), latent(FRAME))[0]
     state = side.normalised("state", side.form.features(body, aim).state)
     torch.testing.assert_close(after.phase, side.phases(state, body.phase))
@@ -176,46 +176,46 @@ def test_the_phase_goes_on_by_its_own_network(letter, paper):
     torch.testing.assert_close(silent(torch.randn(3, 7), body.phase[:3]), body.phase[:3])
 
 
-def test_features_are_normalised_and_clamped(letter):
-    side = copy.deepcopy(letter.front)
+def test_features_are_normalised_and_clamped(paper_network):
+    side = copy.deepcopy(paper_network.front)
     side.target_mean.fill_(1.0)
     side.target_std.fill_(2.0)
     x = torch.tensor([[1.0, 2.0, -50.0, 50.0]]).repeat(1, 22)
     assert side.normalised("target", x)[0, :4].tolist() == [0.0, 0.5, -6.0, 6.0]
 
 
-def test_more_frames_than_trained_for_are_seen_as_the_most(letter, paper):
+def test_more_frames_than_trained_for_are_seen_as_the_most(paper_network, paper):
     body, aim = paper
-    side = letter.front
+    side = paper_network.front
     memory, z = remembering(side), latent(FRAME)
 
     def step(left):
         return side(body, aim._replace(left=torch.full((BATCH, 1), left)), memory, z)[0]
 
-    assert same(step(LONGEST), step(500.0))
-    assert not same(step(LONGEST), step(LONGEST - 1.0))
+    assert same(step(LONGEST_CHAIN), step(500.0))
+    assert not same(step(LONGEST_CHAIN), step(LONGEST_CHAIN - 1.0))
 
 
-def test_style_is_not_told_to_the_papers_form(letter, paper):
-    side = letter.front
+def test_the_papers_form_does_not_see_the_style(paper_network, paper):
+    side = paper_network.front
     memory, z = remembering(side), latent(FRAME)
     assert same(side(*paper, memory, z)[0], side(*paper, memory, z._replace(style=z.style.roll(1, dims=1)))[0])
 
 
-def test_at_the_start_the_latent_is_the_current_frames(letter, paper):
-    side = letter.front
-    _, memory, _, said = side(*paper, remembering(side), latent(FRAME, share=0.0))
+def test_at_the_start_the_latent_is_the_current_frames(paper_network, paper):
+    side = paper_network.front
+    _, memory, _, made = side(*paper, remembering(side), latent(FRAME, share=0.0))
     now = normal(side.current_head(memory.encoder_hidden))
-    torch.testing.assert_close(said.mean, now.mean)
-    torch.testing.assert_close(said.log_deviation, now.log_deviation)
+    torch.testing.assert_close(made.mean, now.mean)
+    torch.testing.assert_close(made.log_deviation, now.log_deviation)
     other = copy.deepcopy(side)
     nn.init.normal_(other.arrived_head[-1].weight)
-    assert same(other(*paper, remembering(side), latent(FRAME, share=0.0))[3], said)
+    assert same(other(*paper, remembering(side), latent(FRAME, share=0.0))[3], made)
 
 
-def test_at_the_seam_the_latent_is_that_of_having_arrived(letter, paper):
+def test_at_the_seam_the_latent_is_that_of_having_arrived(paper_network, paper):
     body, aim = paper
-    side = letter.front
+    side = paper_network.front
     memory = remembering(side)
     end, start = (side(body, aim, memory, latent(FRAME, share=share))[3] for share in (1.0, 0.0))
     # Wherever the chain is now: the target stands in the current frame's place.
@@ -230,13 +230,13 @@ def test_at_the_seam_the_latent_is_that_of_having_arrived(letter, paper):
     torch.testing.assert_close(other(body, aim, memory, latent(FRAME, share=1.0))[3], end, atol=1e-4, rtol=1e-4)
     # It is the second head's, from the same memory.
     nn.init.zeros_(other.arrived_head[-1].weight)
-    said = other(body, aim, memory, latent(FRAME, share=1.0))[3]
+    made = other(body, aim, memory, latent(FRAME, share=1.0))[3]
     bias = other.arrived_head[-1].bias
-    torch.testing.assert_close(torch.cat(said, dim=1), bias.expand(BATCH, -1), atol=1e-5, rtol=0)
+    torch.testing.assert_close(torch.cat(made, dim=1), bias.expand(BATCH, -1), atol=1e-5, rtol=0)
 
 
-def test_between_them_distributions_are_blended_in_a_straight_line(letter, paper):
-    side = letter.front
+def test_between_them_distributions_are_blended_in_a_straight_line(paper_network, paper):
+    side = paper_network.front
     start, third, end = (side(*paper, remembering(side), latent(FRAME, share=s))[3] for s in (0.0, 0.3, 1.0))
     for a, b, c in zip(start, third, end, strict=True):
         torch.testing.assert_close(b, 0.7 * a + 0.3 * c)
@@ -253,21 +253,21 @@ def test_without_interpolation_the_latent_is_always_the_current_frames(paper):
     assert same(start[0], end[0])
 
 
-def test_noise_counts_by_the_deviation(letter, paper):
-    side = copy.deepcopy(letter.front)
+def test_noise_counts_by_the_deviation(paper_network, paper):
+    side = copy.deepcopy(paper_network.front)
     for head in (side.current_head, side.arrived_head):
         head[-1].weight[16:] = 0.0
         head[-1].bias[16:] = -100.0  # clamped: next to certain
     memory, z = remembering(side), latent(FRAME)
     certain, again = (side(*paper, memory, z._replace(value=v))[0] for v in (z.value, -z.value))
-    unsure, otherwise = (letter.front(*paper, memory, z._replace(value=v))[0] for v in (z.value, -z.value))
+    unsure, otherwise = (paper_network.front(*paper, memory, z._replace(value=v))[0] for v in (z.value, -z.value))
     apart = [float((a.rotations - b.rotations).norm()) for a, b in ((certain, again), (unsure, otherwise))]
     assert 0.0 < apart[0] < 0.1 * apart[1]
 
 
 @pytest.mark.parametrize("form", ["yaw", "paper"])
-def test_half_products_say_nearly_the_same(request, form, stitch_network, letter):
-    model = copy.deepcopy(stitch_network if form == "yaw" else letter)
+def test_half_products_give_nearly_the_same(request, form, stitch_network, paper_network):
+    model = copy.deepcopy(stitch_network if form == "yaw" else paper_network)
     body, aim = request.getfixturevalue(form)
     z = latent(model.size)
     whole = model.front(body, aim, remembering(model.front), z)[0]

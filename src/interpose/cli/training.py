@@ -84,7 +84,8 @@ def train(
     own = options.of(network)
     settings = configs.preset_of(recipe.PRESETS, preset)
     if config is not None:
-        settings = configs.read(Path(config), settings, "plan" if network == "plan" else None)
+        part = network if network in ("plan", "detail", "target") else "backward" if options.backward else None
+        settings = configs.read(Path(config), settings, part)
     if network not in ("plan", "dcmoe") and of_extra("interpose.train.common.parallel").started() > 1:
         raise InputError(f"{network} trains on one process; torchrun is for plan and dcmoe")
     outcome = recipe.train(

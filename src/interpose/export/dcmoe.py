@@ -95,7 +95,9 @@ def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: st
         raise InputError(f"the backward run's styles or form are not those of '{onto.name}'; train both alike")
 
     def fill(made: Path) -> dict[str, Any]:
-        return {"backward": {"steps": saved["step"], "difference_from_torch": write_step(model, made / "back.onnx")}}
+        difference = write_step(model, made / "back.onnx")
+        kept = {"steps": saved["step"], "training": saved["config"]}
+        return {"backward": kept | {"difference_from_torch": difference}}
 
     return folder.complete(onto, out, name, "dcmoe", fill)
 

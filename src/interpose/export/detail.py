@@ -40,7 +40,8 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
         names = ["refined_hips", "refined_rotations", "refined_contacts"]
         file = made / "detail.onnx"
         apart = onnx_file.write(Refine(model), file, example, names, frames=True)
-        return {"detail": {"steps": saved["step"], "refines": saved["config"]["refines"], "difference": apart}}
+        kept = {"steps": saved["step"], "refines": saved["config"]["refines"], "training": saved["config"]}
+        return {"detail": kept | {"difference": apart}}
 
     return folder.complete(onto, out, name, "stitch", fill)
 

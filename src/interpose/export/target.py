@@ -32,7 +32,7 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
 
         apart = onnx_file.write(Complete(model), file, inputs, names)
         size = {"latent": model.size.latent, "hidden": model.size.hidden, "steps": saved["step"]}
-        return {"target": size | {"difference_from_torch": apart}}
+        return {"target": size | {"difference_from_torch": apart, "training": saved["config"]}}
 
     return folder.complete(onto, out, name, "dcmoe", fill)
 

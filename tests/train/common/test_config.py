@@ -75,7 +75,8 @@ def test_values_that_do_not_fit(values, message):
 def test_tuples_of_classes_and_of_fixed_length():
     made = from_plain(DCMoEConfig, {"stages": [{"steps": 3, "unroll": 2, "rows": 8}], "gate": [8, 4], "fresh": 1})
     assert made.stages == (Stage(3, 2, 8),)
-    assert (made.gate, made.fresh, made.plan) == ((8, 4), 1, None)
+    assert (made.gate, made.fresh, made.plan) == ((8, 4), 1.0, None)
+    assert isinstance(made.fresh, float)
     with pytest.raises(InputError, match=r"the config's 'gate' cannot be \[8\]"):
         from_plain(DCMoEConfig, {"gate": [8]})
 
@@ -110,6 +111,14 @@ def test_a_models_config_gives_its_settings_and_its_planners(write, tmp_path, ne
     assert read(made, STITCH["small"]) == replace(stitch_learning.CONFIG, databases=(), styles=(), licence="")
     planner = read(made, PLAN["small"], part="plan")
     assert planner == replace(learning.PLANNER, databases=(), styles=(), licence="")
+
+
+def test_what_completes_a_model_has_its_own_config_there(write):
+    config = replace(DETAIL["tiny"], rows=12)
+    info = {"training": to_plain(learning.PLANNED), "detail": {"steps": 3, "training": to_plain(config)}}
+    assert read(write(info), DETAIL["full"], part="detail") == config
+    old = {"former_training": {}, "detail": {"steps": 3, "training": to_plain(config)}}
+    assert read(write(old), DETAIL["full"], part="detail") == config
 
 
 @pytest.mark.parametrize(

@@ -53,9 +53,9 @@ def test_clips_shorter_than_a_gap_are_used_whole(tmp_path):
     some = drawn(data, 3000, rule=GapSampling(longest=60))
     assert torch.all(some.target <= data.last[some.start])
     room = data.last[some.start] - data.first[some.start]
-    assert set(some.steps[room == 8].tolist()) == set(range(3, 9))
+    assert set(some.steps[room == 8].tolist()) == set(range(2, 9))
     assert set(some.steps[room == 1].tolist()) == {1}
-    assert set(some.steps[room == 39].tolist()) == set(range(3, 40))
+    assert set(some.steps[room == 39].tolist()) == set(range(2, 40))
 
 
 def test_shares_are_as_configured_and_the_same_again(frames):

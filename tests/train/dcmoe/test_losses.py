@@ -228,7 +228,7 @@ def test_every_term_has_a_weight(case):
     off = off._replace(contacts=torch.randn_like(said.contacts))
     truth = replace(truth, contacts=torch.ones_like(truth.contacts))
     total, each = unrolled(off, truth, here, RollOutWeights())
-    assert set(each) == set(Weights.__dataclass_fields__) - {"skate", "energy"}
+    assert set(each) == set(RollOutWeights.__dataclass_fields__) - {"skate", "energy"}
     assert all(float(value) > 0.0 for value in each.values())
     torch.testing.assert_close(total, sum(getattr(RollOutWeights(), name) * value for name, value in each.items()))
     for name in each:

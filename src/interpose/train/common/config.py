@@ -54,7 +54,7 @@ def _value(hint: Any, value: Any, base: Any, place: str) -> Any:
         if isinstance(value, Mapping):
             return dict(value)
     elif isinstance(value, bool) is (hint is bool) and isinstance(value, (int, float) if hint is float else hint):
-        return value
+        return float(value) if hint is float else value
     raise InputError(f"the config's '{place}' cannot be {value!r}")
 
 
@@ -68,8 +68,9 @@ def preset_of(presets: Mapping[str, C], name: str) -> C:
 def read(path: Path, base: C, part: str | None = None) -> C:
     """The config in a JSON file over ``base``: a run's `config.json`, a model's `model.json`, or some fields alone.
 
-    part: the field that holds the config of an earlier training, such as ``plan``, taken where the file is of a later
-    one. Raises InputError where it cannot be read or has a field that this training does not have.
+    part: where a file of another training holds this one's config: ``plan`` for the planner of a later training,
+    ``detail``, ``target`` or ``backward`` for what completes a model. Raises InputError where it cannot be read or has a
+    field that this training does not have.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
@@ -77,11 +78,15 @@ def read(path: Path, base: C, part: str | None = None) -> C:
         raise InputError(f"{path}: cannot be read as JSON ({error})") from None
     if not isinstance(values, dict):
         raise InputError(f"{path}: holds no JSON object; give config.json, model.json or an object of settings")
-    if "former_training" in values:
+    own = values.get(part) if part is not None else None
+    if isinstance(own, dict) and "training" in own:
+        values = own["training"]
+    elif "former_training" in values:
         raise InputError(f"{path}: this model was trained by an older recipe, which cannot be repeated")
-    values = values.get("training", values)
-    if part is not None and isinstance(values.get(part), dict):
-        values = values[part]
+    else:
+        values = values.get("training", values)
+        if part is not None and isinstance(values.get(part), dict):
+            values = values[part]
     try:
         return from_plain(type(base), {k: v for k, v in values.items() if k not in FROM_DATA}, base)
     except InputError as error:
