@@ -69,8 +69,8 @@ def read(path: Path, base: C, part: str | None = None) -> C:
     """The config in a JSON file over ``base``: a run's `config.json`, a model's `model.json`, or some fields alone.
 
     part: where a file of another training holds this one's config: ``plan`` for the planner of a later training,
-    ``detail``, ``target`` or ``backward`` for what completes a model. Raises InputError where it cannot be read or has a
-    field that this training does not have.
+    ``detail``, ``target`` or ``backward`` for what completes a model. Raises InputError where it cannot be read or has
+    a field that this training does not have.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
