@@ -53,8 +53,10 @@ def _value(hint: Any, value: Any, base: Any, place: str) -> Any:
     elif get_origin(hint) is dict:
         if isinstance(value, Mapping):
             return dict(value)
-    elif isinstance(value, bool) is (hint is bool) and isinstance(value, (int, float) if hint is float else hint):
-        return float(value) if hint is float else value
+    elif hint is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    elif isinstance(value, hint) and isinstance(value, bool) is (hint is bool):
+        return value
     raise InputError(f"the config's '{place}' cannot be {value!r}")
 
 
