@@ -131,7 +131,7 @@ def refined_loss(
     true: tuple[Float[Tensor, "row frame 22 6"], Float[Tensor, "row frame 22 3"], Float[Tensor, "row frame 4"]],
     feet: tuple[int, ...],
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
-    """L1 of rotations, of positions, of the joints' steps, cross-entropy of contacts, and the way of feet that stand
+    """L1 of rotations, of positions, of the joints' steps, cross-entropy of contacts, and the steps of feet that stand
     (Qin et al. 2022, section 4.3; the steps are ours). true: rotations, positions and contacts."""
     hips, rotations, out = made
     turned, placed, down = true

@@ -18,7 +18,7 @@ OFFSETS = torch.tensor(HUMANOID.offsets, dtype=torch.float32)
 
 
 def _ancestors() -> Tensor:
-    """(joint, joint): 1 where the column's bone lies on the way from the hips to the row's joint."""
+    """(joint, joint): 1 where the column's bone lies between the hips and the row's joint."""
     chain = np.zeros((len(HUMANOID), len(HUMANOID)), dtype=np.float32)
     for joint, parent in enumerate(HUMANOID.parents):
         if parent >= 0:
@@ -44,7 +44,7 @@ def joint_positions(
     hips: Float[Tensor, "batch 3"], m: Float[Tensor, "batch joint 3 3"]
 ) -> Float[Tensor, "batch joint 3"]:
     """Forward kinematics from global rotations: a bone is its parent's rotation times a constant, and a joint the sum
-    of the bones on its way from the hips, which is one matrix product."""
+    of the bones between the hips and it, which is one matrix product."""
     bones = (m[:, PARENT_INDICES] * OFFSETS[:, None, :].to(m)).sum(dim=-1)
     return hips[:, None] + ANCESTORS.to(m) @ bones
 

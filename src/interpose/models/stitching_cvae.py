@@ -204,7 +204,7 @@ class Generator(nn.Module):
         body: Body,
         aim: Aim,
     ) -> Normal:
-        """The distribution of this frame's latent: the current one, and on the way to the seam more and more that of
+        """The distribution of this frame's latent: the current one, and towards the seam more and more that of
         having arrived (equation 1), for which the target stands in the current frame's place and the offset is nil."""
         now = normal(self.current_head(remembered))
         if not self.size.interpolated:

@@ -29,7 +29,7 @@ LONGEST_TARGET_FRAMES = 300
 TORSO_JOINTS = ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head")
 LEG_JOINTS = ("LeftUpLeg", "RightUpLeg", "LeftFoot", "RightFoot", "LeftToe", "RightToe")
 TURNED_BY = [HUMANOID.index(name) for name in (*TORSO_JOINTS, *LEG_JOINTS)]
-"""Joints that tell which way the target faces, the surest first; where none of them is given it is the start's way."""
+"""Joints that show where the target faces, the surest first; without any of them it faces as the start does."""
 TARGET_INPUT_WIDTH = 2 * JOINTS * 9 + JOINTS * 3 + 1 + JOINTS + 2 + 2 + 2 + 2 + 3
 """Numbers of the input that are normalised: start, its velocities and their flag, what is given, its flags, where the
 start lies and looks, the speed needed, the time."""
@@ -109,7 +109,7 @@ class TargetPose(nn.Module):
         self.register_buffer("residual_std", torch.ones(POSE))
 
     def numbers(self, known: TargetInput) -> tuple[Float[Tensor, "batch wide"], Place]:
-        """What is normalised of the input, and the frame in which it is said."""
+        """What is normalised of the input, and the frame that it is expressed in."""
         batch = known.start_hips.shape[0]
         start, target = to_matrix(known.start_rotations), to_matrix(known.target_rotations)
         here, there = joint_positions(known.start_hips, start), joint_positions(known.target_hips, target)

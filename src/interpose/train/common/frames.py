@@ -43,7 +43,7 @@ class Frames:
 
 
 def backwards(data: Frames) -> Frames:
-    """The same clips with time running backwards; phases turn the other way."""
+    """The same clips with time running backwards; phases turn backwards too."""
     order = data.first + data.last - torch.arange(len(data), device=data.hips.device)
     turned = {f.name: getattr(data, f.name)[order] for f in fields(data) if f.name not in ("first", "last")}
     turned["phases"] = turned["phases"] * turned["phases"].new_tensor([-1.0, 1.0, 1.0])

@@ -23,7 +23,7 @@ FARTHEST_STEPS = 600
 UPPER_BODY = slice(HUMANOID.index("Spine"), len(HUMANOID))
 """Spine, head and arms: what mixed-style keys take from another clip."""
 EASE_FRAMES = 15.0
-"""Frames over which the upper body of a mixed-style key gives way."""
+"""Frames over which the upper body of a mixed-style key fades into the data's."""
 
 
 def _relaxed() -> Tensor:
@@ -153,7 +153,7 @@ def _able(data: Frames, steps: int) -> Int[Tensor, "frame"]:
 
 
 def _donor(data: Frames, which: Float[Tensor, "row"], share: Float[Tensor, "row 1 1"]) -> Float[Tensor, "row 22 4"]:
-    """Local rotations of random frames, drawn part of the way to arms that hang down."""
+    """Local rotations of random frames, blended with arms that hang down."""
     frame = (which * len(data)).long()
     return nlerp(data.local[frame], RELAXED.to(data.local).expand(len(frame), -1, -1), share)
 
@@ -164,7 +164,7 @@ def true_poses(
     """The true rotations (6-D) and joint positions, ``at`` frames after each start, clamped at the target.
 
     With mixed-style keys the upper body eases from the start key into the data's motion, over half a second at most,
-    and out of it into the target key. So the label matters: the keys alone no longer tell the style (docs/method.md).
+    and out of it into the target key. So the label matters: the keys alone no longer show the style.
     """
     at = torch.minimum(at, gaps.steps[:, None])
     index = gaps.start[:, None] + at

@@ -8,9 +8,8 @@ from torch import Tensor
 
 from interpose.models.dcmoe import DCMoE
 from interpose.train.common.frames import Frames
-from interpose.train.common.gaps import evenly
 from interpose.train.dcmoe.sequences import Rows, at_lone_start, base_window, control
-from interpose.train.planner.objective import VALIDATION_FRAMES, placed, planned_base, plans
+from interpose.train.planner.objective import plans, validation_gaps
 
 
 @torch.no_grad()
@@ -37,21 +36,13 @@ def ratios(model: DCMoE, data: Frames, longest: int, count: int = 128) -> dict[s
     """
     generator = torch.Generator(data.hips.device).manual_seed(0)
     out = {}
-    for frames in VALIDATION_FRAMES:
-        if frames + 1 > min(int((data.last - data.first).max()), longest):
-            continue
-        gaps = evenly(data, frames + 1, count, model.size.styles)
-        at = torch.arange(1, frames + 1, device=gaps.start.device).expand(count, -1)
-        real = data.positions[gaps.start[:, None] + at]
-        naive = (placed(planned_base(data, gaps, None, at)) - real).norm(dim=-1).mean()
-        for name in ("valid", "path"):
-            gaps.path_known.fill_(float(name == "path"))
-            rows = at_lone_start(data, gaps)
-            if model.planner is not None:
-                rows.plan, _ = plans(model.planner, data, gaps, 0.0, generator)
-            made = roll_out(model, data, rows)
-            out[f"{name}/{frames}"] = float((made - real).norm(dim=-1).mean() / naive)
-            if name == "valid" and frames > 3:
-                shake, real_shake = (x.diff(n=3, dim=1).norm(dim=-1).mean() for x in (made, real))
-                out[f"jerk/{frames}"] = float(shake / real_shake)
+    for name, gaps, at, real, naive in validation_gaps(data, longest, count, model.size.styles):
+        rows = at_lone_start(data, gaps)
+        if model.planner is not None:
+            rows.plan, _ = plans(model.planner, data, gaps, 0.0, generator)
+        made = roll_out(model, data, rows)
+        out[f"{name}/{at.shape[1]}"] = float((made - real).norm(dim=-1).mean() / naive)
+        if name == "valid":
+            shake, real_shake = (x.diff(n=3, dim=1).norm(dim=-1).mean() for x in (made, real))
+            out[f"jerk/{at.shape[1]}"] = float(shake / real_shake)
     return out

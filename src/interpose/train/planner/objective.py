@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -128,16 +131,30 @@ def ratios(planner: Planner, data: Frames, count: int = 128) -> dict[str, float]
     ``valid/30`` from two keys alone, ``path/30`` along the true path."""
     out = {}
     generator = torch.Generator(data.hips.device).manual_seed(0)
+    for name, gaps, at, real, naive in validation_gaps(data, LONGEST_PLAN_STEPS, count, planner.size.styles):
+        plan, _ = plans(planner, data, gaps, 0.0, generator)
+        wrong = (placed(planned_base(data, gaps, plan, at)) - real).norm(dim=-1).mean()
+        out[f"{name}/{at.shape[1]}"] = float(wrong / naive)
+    return out
+
+
+def validation_gaps(
+    data: Frames, longest: int, count: int, styles: int
+) -> Iterator[tuple[str, Gaps, Int[Tensor, "row time"], Float[Tensor, "row time 22 3"], Float[Tensor, ""]]]:
+    """``count`` gaps of each length up to ``longest`` steps for which the clips have room, without a path (``valid``)
+    and along the true one (``path``): the frames between the keys, the true joints there, interpolation's error."""
     for frames in VALIDATION_FRAMES:
-        if frames + 1 > min(int((data.last - data.first).max()), LONGEST_PLAN_STEPS):
+        if frames + 1 > min(int((data.last - data.first).max()), longest):
             continue
-        gaps = evenly(data, frames + 1, count, planner.size.styles)
+        gaps = evenly(data, frames + 1, count, styles)
         at = torch.arange(1, frames + 1, device=gaps.start.device).expand(count, -1)
         real = data.positions[gaps.start[:, None] + at]
         naive = (placed(planned_base(data, gaps, None, at)) - real).norm(dim=-1).mean()
         for name in ("valid", "path"):
-            gaps.path_known.fill_(float(name == "path"))
-            plan, _ = plans(planner, data, gaps, 0.0, generator)
-            wrong = (placed(planned_base(data, gaps, plan, at)) - real).norm(dim=-1).mean()
-            out[f"{name}/{frames}"] = float(wrong / naive)
-    return out
+            yield (
+                name,
+                replace(gaps, path_known=torch.full_like(gaps.path_known, float(name == "path"))),
+                at,
+                real,
+                naive,
+            )

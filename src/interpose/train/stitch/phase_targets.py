@@ -1,4 +1,4 @@
-"""The local phases that the phase networks of S-CVAE learn to foresee, for frames that lie on the device."""
+"""The local phases that the phase networks of S-CVAE learn to predict, for frames that lie on the device."""
 
 from __future__ import annotations
 

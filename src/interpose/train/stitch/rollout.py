@@ -88,7 +88,7 @@ def roll(
             base[:, move.made],
             base[:, move.aim],
         )
-        # Gamma of equation 2: t frames on the way to the middle, then to the end of the buffer.
+        # Gamma of equation 2: t frames up to the middle, then to the end of the buffer.
         gone = at[side] if not side else steps - at[side]
         share = gone / middle if gone < middle else gone / (middle + kept)
         value = latents if latents.ndim == 2 else latents[:, number]
@@ -123,7 +123,7 @@ def joined(
     layout: ChainLayout,
 ) -> Float[Tensor, "row frame *channel"]:
     """Both chains' values of the frames between the keys, blended where they overlap, each in the order in which it
-    made them. The run time joins them in the same way (`interpose.runtime.backends.chains`), and smooths the seam."""
+    made them. The run time joins them alike (`interpose.runtime.backends.chains`), and smooths the seam."""
     count = steps - 1
     share = torch.as_tensor(shares(steps, layout.buffer, layout.both)[1:-1], dtype=front.dtype)
     weight = share.to(front.device).reshape(-1, *[1] * (front.ndim - 2))
