@@ -24,8 +24,8 @@ import torch
 from interpose.data import database
 from interpose.export.dcmoe import model_of
 from interpose.io.files import write_whole
-from interpose.train.common import checkpoint
-from interpose.train.common.frames import Frames, divided
+from interpose.train.common import checkpoint, setup
+from interpose.train.common.frames import Frames
 from interpose.train.dcmoe import recipe, validation
 from interpose.train.dcmoe.config import PRESETS, DCMoEConfig, Stage
 
@@ -89,7 +89,7 @@ def main() -> None:
     asked = parser.parse_args()
     torch.set_num_threads(1)
     loaded = database.load(asked.db)
-    _, held_out = divided([loaded], list(loaded.styles))
+    _, held_out = setup.split([loaded], loaded.styles)
     ours = replace(PRESETS["small"], stages=(Stage(asked.updates, 8, 128),), average=0.98, warmup=30)
     lines = [f"| | {' | '.join(HEADS)} |", "|---|" + "---|" * len(HEADS)]
     for name, change in rows().items():

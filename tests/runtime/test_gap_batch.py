@@ -40,7 +40,7 @@ def test_the_velocity_at_the_start_is_known_from_two_frames_on():
 
 
 def test_rows_are_taken_with_all_that_belongs_to_them():
-    paths = [np.full((frames + 2, 3), row) for row, frames in enumerate((3, 5, 0, 3))]
+    paths = [np.full((frames + 2, 3), float(row)) for row, frames in enumerate((3, 5, 0, 3))]
     arriving = np.arange(4.0)[:, None, None] * np.ones((4, 22, 3))
     whole = batch_of(
         CONTEXT,
@@ -66,9 +66,9 @@ def test_gaps_go_by_their_length_and_end_in_their_targets():
     asked = []
 
     def make(batch):
-        length = batch.longest
+        length = float(batch.longest)
         asked.append((batch.draws, batch.frames))
-        shape = len(batch), length
+        shape = len(batch), batch.longest
         apart = np.full(len(batch), 0.1 * length)
         return Generated(np.full((*shape, 3), length), np.full((*shape, 22, 4), length), np.ones((*shape, 4)), apart)
 

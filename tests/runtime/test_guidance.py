@@ -69,14 +69,15 @@ def test_rows_without_a_path_are_shown_none():
 def test_rows_of_different_lengths_are_those_of_separate_calls(session):
     walk = learning.march(120, 1.0, 0.0)
     lengths = [20, 33, 7]
-    start = [x[np.zeros((3, 1), dtype=int)] for x in (walk.root_positions, walk.local_rotations)]
-    goals = [x[[60, 80, 100], None] for x in (walk.root_positions, walk.local_rotations)]
+    whole = walk.root_positions, walk.local_rotations
+    start = tuple(x[np.zeros((3, 1), dtype=int)] for x in whole)
+    goals = tuple(x[[60, 80, 100], None] for x in whole)
     given = [None, paths.straight(paths.query_of(track_of(walk)[[0, 80]]), 34), None]
     together = generate(session, start, goals, lengths, paths=given)
     assert together.root.shape == (3, 33, 3)
     for row, frames in enumerate(lengths):
         mine = slice(row, row + 1)
-        alone = generate(session, [x[mine] for x in start], [x[mine] for x in goals], frames, paths=given[mine])
+        alone = generate(session, *(tuple(x[mine] for x in key) for key in (start, goals)), frames, paths=given[mine])
         for name in ("root", "local", "contacts"):
             np.testing.assert_allclose(getattr(together, name)[row, :frames], getattr(alone, name)[0], atol=2e-4)
     np.testing.assert_allclose(together.root[2, 7:], np.repeat(goals[0][2], 26, axis=0), atol=1e-5)

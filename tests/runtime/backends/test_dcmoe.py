@@ -25,8 +25,8 @@ BATCH = 3
 def keys():
     """Starts and targets of three gaps, (root, local) each, and ten frames of context before the starts."""
     clips = [learning.march(80, 0.8 + 0.3 * i, 2.0 * i) for i in range(BATCH)]
-    context = [np.stack([getattr(c, x)[11:21] for c in clips]) for x in ("root_positions", "local_rotations")]
-    target = [np.stack([getattr(c, x)[60:61] for c in clips]) for x in ("root_positions", "local_rotations")]
+    context = tuple(np.stack([getattr(c, x)[11:21] for c in clips]) for x in ("root_positions", "local_rotations"))
+    target = tuple(np.stack([getattr(c, x)[60:61] for c in clips]) for x in ("root_positions", "local_rotations"))
     return tuple(x[:, -1:] for x in context), target, context
 
 
@@ -144,7 +144,7 @@ def test_rows_do_not_know_of_each_other(session, keys):
     together = generate(session, start, target, 20, styles=styles)
     for row in range(BATCH):
         mine = slice(row, row + 1)
-        alone = generate(session, [x[mine] for x in start], [x[mine] for x in target], 20, styles=styles[mine])
+        alone = generate(session, *(tuple(x[mine] for x in key) for key in (start, target)), 20, styles=styles[mine])
         for name in ("root", "local", "contacts"):
             np.testing.assert_allclose(getattr(alone, name), getattr(together, name)[mine], atol=1e-4)
 
@@ -153,7 +153,7 @@ def test_the_seed_decides_the_variants(session, keys):
     start, target, _ = keys
 
     def made(drawn):
-        keys = [[np.repeat(x[:1], len(drawn), axis=0) for x in key] for key in (start, target)]
+        keys = [tuple(np.repeat(x[:1], len(drawn), axis=0) for x in key) for key in (start, target)]
         return generate(session, *keys, 20, draws=drawn).root
 
     plain = made([None] * BATCH)
@@ -196,7 +196,7 @@ def test_torch_rolls_out_to_the_same_frames(session, network, frames):
         for at in (rows.gaps.start, rows.gaps.target)
     ]
     wanted = validation.roll_out(network, frames, rows).numpy()
-    found = generate(session, *([x[:, None] for x in key] for key in keys), gap)
+    found = generate(session, *(tuple(x[:, None] for x in key) for key in keys), gap)
     made = joints(found.root, found.local)
     base = poses.interpolation(*keys, gap)[:, 1:-1]
     naive = joints(
