@@ -38,7 +38,7 @@ def joined_styles(databases: list[Database]) -> tuple[str, ...]:
 def split(
     databases: list[Database],
     styles: tuple[str, ...],
-    device: str,
+    device: str = "cpu",
     phases: list[Float[np.ndarray, "2 frame 10 3"]] | None = None,
 ) -> tuple[Frames, Frames]:
     """The frames to train on and those held out, of all databases; ``phases``: one a database, where there are any."""

@@ -25,8 +25,8 @@ from interpose.train.stitch.truth import TrueMotion
 def phase_loss(
     model: StitchingCVAE, data: Frames, phases: Float[Tensor, "frame 4"], rows: int, generator: torch.Generator
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
-    """The error of both phase networks one frame on. Of half the frames the phase is unknown or blurred, as after a lone
-    key."""
+    """The error of both phase networks one frame on. For half the frames the phase is unknown or blurred, as after a
+    lone key."""
     device = data.hips.device
     total = torch.zeros((), device=device)
     still = torch.tensor([-1.0, 1.0, -1.0, 1.0], device=device)
