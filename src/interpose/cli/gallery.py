@@ -38,10 +38,10 @@ def build(source: str, out: str, part: str) -> int:
     loaded = database.load(source)
     with _progress("indexing", "windows") as report:
         made = store.build(loaded, Path(out), part, report)
-    told = made.info
+    info = made.info
     print(
-        f"{told['windows']:,} windows of {told['frames']:,} frames in {len(made.styles)} styles, and their mirror "
-        f"images; {told['bytes_a_window']} bytes a window"
+        f"{info['windows']:,} windows of {info['frames']:,} frames in {len(made.styles)} styles, and their mirror "
+        f"images; {info['bytes_a_window']} bytes a window"
     )
     print(f"wrote {out}", file=sys.stderr)
     return 0
@@ -62,7 +62,7 @@ def generate(source: str, model: str, frames: int, seed: int) -> int:
 def query(
     name: str,
     poses: tuple[str, str],
-    asked: tuple[int | None, str | None, str | None],
+    request: tuple[int | None, str | None, str | None],
     count: int,
     seed: int,
     as_json: bool,
@@ -73,19 +73,19 @@ def query(
         raise InputError(f"--seed must be 0 or more, got {seed}")
     gallery = gallery_of(name)
     wanted, ends = _query(*poses)
-    frames, speed, style = asked
+    frames, speed, style = request
     steps = None if frames is None else frames + 1
-    told = proposals.suggestion(gallery, wanted, ends, style, seed)
+    info = proposals.suggestion(gallery, wanted, ends, style, seed)
     found = proposals.propose(gallery, wanted, PathRequest(steps, speed, style), ends, count=count, seed=seed)
     rows = [_row(gallery, one) for one in found]
     if as_json:
         start, target = list(wanted.start), list(wanted.target)
-        others = [{"speed": g.speed, "frames": g.steps - 1, "fit": round(g.fit, 3)} for g in told.groups]
-        suggested = {"frames": told.steps - 1, "alternatives": others}
+        others = [{"speed": g.speed, "frames": g.steps - 1, "fit": round(g.fit, 3)} for g in info.groups]
+        suggested = {"frames": info.steps - 1, "alternatives": others}
         whole = {"start": start, "target": target, "suggested": suggested, "found": rows}
         print(json.dumps(whole, ensure_ascii=False))
         return 0
-    _print(wanted, told, rows)
+    _print(wanted, info, rows)
     return 0
 
 
@@ -120,7 +120,7 @@ def _place(text: str) -> tuple[float, float, float]:
 
 
 def _row(gallery: Gallery, one: Proposal) -> dict[str, Any]:
-    """What is told of a trajectory; `path` has x, z, yaw of every frame."""
+    """A trajectory as printed; `path` has x, z, yaw of every frame."""
     return {
         "frames": one.steps - 1,
         "seconds": round(one.steps / RATE, 3),
@@ -133,11 +133,11 @@ def _row(gallery: Gallery, one: Proposal) -> dict[str, Any]:
     }
 
 
-def _print(wanted: Query, told: Suggestion, rows: list[dict[str, Any]]) -> None:
+def _print(wanted: Query, info: Suggestion, rows: list[dict[str, Any]]) -> None:
     turn = wrapped(wanted.target[2] - wanted.start[2])
     print(f"{wanted.distance:.2f} m, a turn of {np.degrees(turn):.0f} degrees")
-    others = ", ".join(f"{g.speed} {g.steps - 1} ({g.fit:.0%})" for g in told.groups)
-    print(f"{told.steps - 1} frames at 30 Hz suggested; {others}\n")
+    others = ", ".join(f"{g.speed} {g.steps - 1} ({g.fit:.0%})" for g in info.groups)
+    print(f"{info.steps - 1} frames at 30 Hz suggested; {others}\n")
     print("| frames | seconds | style | fit | facing error, deg | length, m | windows |")
     print("|---:|---:|---|---:|---:|---:|---|")
     for row in rows:
@@ -150,7 +150,7 @@ def _print(wanted: Query, told: Suggestion, rows: list[dict[str, Any]]) -> None:
 
 @contextmanager
 def _progress(doing: str, what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, where that is a terminal; gives what it is to be told: how many are done, and of how
+    """A bar on standard error, where that is a terminal; gives a function of how many are done, and of how
     many."""
     console = Console(stderr=True)
     columns = TextColumn(doing), BarColumn(), TextColumn(f"{{task.completed:,}} of {{task.total:,}} {what}")
