@@ -27,7 +27,10 @@ from websockets.sync.client import ClientConnection, connect
 from interpose import io
 from interpose.studio import messages
 from interpose.studio.pose_rows import of_motion
-from interpose.studio.protocol import CLIENT_MESSAGE, SERVER_MESSAGE
+from interpose.studio.protocol import (
+    CLIENT_MESSAGE,
+    SERVER_MESSAGE,
+)
 from interpose.studio.sample import sample
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from interpose.runtime import resampling
-from interpose.studio import protocol
+from interpose.studio import project_format, protocol
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -65,7 +65,7 @@ def test_the_protocols_types_are_made_from_the_servers(node: Any, tmp_path: Path
     [
         ("app/files.ts", "LARGEST_UPLOAD", protocol.LARGEST_UPLOAD),
         ("document/document.ts", "LONGEST_GAP", protocol.MOST_FRAMES),
-        ("panels/gap/Candidates.svelte", "MOST_VARIANTS", protocol.MOST_VARIANTS),
+        ("panels/gap/Candidates.svelte", "MOST_VARIANTS", project_format.MOST_VARIANTS),
         ("engine/generator.ts", "CONTEXT", resampling.CONTEXT),
         ("engine/generator.ts", "MODEL_RATE", resampling.MODEL_RATE),
     ],

@@ -23,15 +23,14 @@ from interpose.studio import messages, pose_rows
 from interpose.studio import scheduler as scheduler
 from interpose.studio.app import create_app
 from interpose.studio.methods import Offer
+from interpose.studio.project_format import Project, SourceFile
 from interpose.studio.protocol import (
     SERVER_MESSAGE,
     Candidates,
     Failed,
     MirroredPose,
     Opened,
-    Project,
     Rig,
-    SourceFile,
     Welcome,
 )
 from interpose.studio.rigs import RigStore

@@ -14,17 +14,14 @@ from interpose.errors import InputError
 from interpose.motion import Motion, concatenate
 from interpose.studio import handlers, messages, pose_rows
 from interpose.studio.methods import Offer
+from interpose.studio.project_format import Blend, GapSettings, PathChoice, PointPath
 from interpose.studio.protocol import (
     CLIENT_MESSAGE,
-    Blend,
     Candidates,
     GalleryPaths,
-    GapSettings,
     Generate,
     LibraryPoses,
     MirroredPose,
-    PathChoice,
-    PointPath,
     ServerMessage,
     SuggestedDurations,
 )

@@ -15,7 +15,7 @@ from studio_rigs import STAND, moved, walk
 from interpose import io
 from interpose.errors import InputError
 from interpose.studio import pose_rows, projects
-from interpose.studio.protocol import Project
+from interpose.studio.project_format import Project
 from interpose.studio.rigs import RigStore
 
 TEXT = io.serialize(walk(), "clip.bvh").decode()

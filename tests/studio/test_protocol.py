@@ -12,7 +12,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from interpose.studio import protocol
-from interpose.studio.protocol import ProtocolModel, schema
+from interpose.studio.project_format import ProtocolModel
+from interpose.studio.protocol import (
+    schema,
+)
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 

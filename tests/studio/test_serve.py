@@ -13,7 +13,9 @@ import pytest
 from interpose.errors import InputError
 from interpose.studio import serve
 from interpose.studio.methods import Offer
-from interpose.studio.protocol import Opened
+from interpose.studio.protocol import (
+    Opened,
+)
 
 
 @pytest.fixture

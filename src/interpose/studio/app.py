@@ -23,7 +23,12 @@ from interpose.studio import messages, projects, rigs
 from interpose.studio.export import EXPORT, export
 from interpose.studio.handlers import answer
 from interpose.studio.methods import Offer
-from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
+from interpose.studio.protocol import (
+    LARGEST_UPLOAD,
+    Opened,
+    Refusal,
+    Welcome,
+)
 from interpose.studio.rigs import RigStore, UnknownRig
 from interpose.studio.sample import sample
 from interpose.studio.scheduler import INTERNAL_ERROR, MALFORMED, Disconnect, RequestQueue, Serve, WorkerPool

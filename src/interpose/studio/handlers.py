@@ -23,6 +23,7 @@ from interpose.runtime.style_blend import leading
 from interpose.studio import gallery_paths, pose_library, pose_rows
 from interpose.studio.messages import shapes
 from interpose.studio.methods import Offer
+from interpose.studio.project_format import GapSettings, PathChoice, PointPath
 from interpose.studio.protocol import (
     CandidateInfo,
     Candidates,
@@ -31,14 +32,11 @@ from interpose.studio.protocol import (
     FindPaths,
     GalleryPath,
     GalleryPaths,
-    GapSettings,
     Generate,
     Library,
     LibraryPoses,
     Mirror,
     MirroredPose,
-    PathChoice,
-    PointPath,
     ServerMessage,
     SuggestDuration,
     SuggestedDurations,

@@ -14,7 +14,7 @@ from interpose import parts
 from interpose.errors import InputError
 from interpose.runtime.methods import backend_of
 from interpose.studio import pose_rows
-from interpose.studio.protocol import GapSettings, PointPath, Project, ProjectKey
+from interpose.studio.project_format import GapSettings, PointPath, Project, ProjectKey
 from interpose.studio.rigs import Clip, RigStore
 from interpose.studio.validation_messages import first_error
 

@@ -1,7 +1,7 @@
 """Everything that the studio's server and its browser send to each other.
 
-The TypeScript types in `web/src/protocol.ts` are generated from this file (`python -m interpose.studio.protocol` prints
-the JSON schema); a test fails when the two differ.
+The types of project files are in `project_format`. The TypeScript types in `web/src/protocol.ts` are generated from both
+(`python -m interpose.studio.protocol` prints the JSON schema); a test fails when the two differ.
 
 **Envelopes.** Every websocket message, and every HTTP body that holds poses, is an envelope: four bytes with the length
 of a JSON header (unsigned, little-endian), the header in UTF-8, padded with spaces to a multiple of four, then the
@@ -26,10 +26,19 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, Field, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
-from interpose.runtime.request import MAX_STYLE_STRENGTH
+from interpose.studio.project_format import (
+    Frame,
+    GapSettings,
+    Id,
+    PointPath,
+    Project,
+    ProtocolModel,
+    SourceFile,
+    Speed,
+)
 
 LARGEST_UPLOAD = 64 * 1024 * 1024
 """Largest file, project or export in bytes."""
@@ -37,87 +46,11 @@ LARGEST_MESSAGE = 4 * 1024 * 1024
 """Largest websocket message in bytes."""
 MOST_MESSAGES = 60
 """Messages per second that a connection may send; bursts may have four times as many."""
-MOST_VARIANTS = 16
 MOST_FRAMES = 6000
 """Most frames of a gap."""
-LONGEST_PATH = 2000
-"""Most points of a path."""
-PROJECT_FORMAT = 1
-"""Version of the project file."""
-
-Id = Annotated[str, Field(min_length=1, max_length=64)]
-Label = Annotated[str, Field(min_length=1, max_length=120)]
-Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
-Frame = Annotated[int, Field(ge=0, le=1_000_000)]
-Seed = Annotated[int, Field(ge=0, le=2**31 - 1)]
-Speed = Literal["fast", "medium", "slow"]
 Shape = Annotated[list[Annotated[int, Field(ge=0, le=2**31 - 1)]], Field(max_length=4)]
 RequestId = Annotated[int, Field(ge=0, le=2**53 - 1)]
 """The browser's number of a request; JavaScript holds integers up to 2**53 exactly."""
-
-
-class ProtocolModel(BaseModel):
-    """Base of all types here: immutable, without unknown fields."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PathChoice(ProtocolModel):
-    """A path by name: the best one, matched from the gallery, straight, or unconstrained."""
-
-    kind: Literal["auto", "gallery", "straight", "none"]
-
-
-class PointPath(ProtocolModel):
-    """A path through points.
-
-    points: x, z on the ground in metres of the rig. times: seconds from the start key at each point. facing: yaw at
-    each point, radians from +Z towards +X, unwrapped. drawn: drawn by hand, so that points are the control points of a
-    curve.
-    """
-
-    kind: Literal["waypoints"]
-    points: Annotated[list[tuple[Number, Number]], Field(min_length=1, max_length=LONGEST_PATH)]
-    times: Annotated[list[Number], Field(max_length=LONGEST_PATH)] | None = None
-    facing: Annotated[list[Number], Field(max_length=LONGEST_PATH)] | None = None
-    drawn: bool = True
-
-
-Path = Annotated[PathChoice | PointPath, Field(discriminator="kind")]
-
-
-class Blend(ProtocolModel):
-    """A second style and its share of the blend."""
-
-    style: Label
-    share: Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-class GapSettings(ProtocolModel):
-    """The settings of a gap, as a project has them and as requests send them.
-
-    method: a name of the registry of backends, or ``clip``, which keeps the source's own frames between the source
-    frames of the two keys. model: None for the first one that serves the method. style_strength: 0 as good as no style,
-    1 as trained, up to 3 exaggerated. path_control: weight of the path against the predicted one. own_gallery: use the
-    model's gallery even if the studio was started with another one. target_joints: the joints of the target to meet, as
-    in `between --target-joints`; None for the whole pose. speed: set if the duration was chosen by speed. chosen: which
-    candidate is shown. locked: nothing changes it.
-    """
-
-    method: Label
-    model: Label | None = None
-    style: Label | None = None
-    blend: Blend | None = None
-    style_strength: Annotated[float, Field(ge=0.0, le=MAX_STYLE_STRENGTH)] = 1.0
-    path: Path = PathChoice(kind="auto")
-    path_control: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    own_gallery: bool = False
-    target_joints: Annotated[str, Field(min_length=1, max_length=400)] | None = None
-    variants: Annotated[int, Field(ge=1, le=MOST_VARIANTS)] = 4
-    seed: Seed = 0
-    speed: Speed | None = None
-    chosen: Annotated[int, Field(ge=0, lt=MOST_VARIANTS)] = 0
-    locked: bool = False
 
 
 class GapMessage(ProtocolModel):
@@ -147,7 +80,7 @@ class Cancel(ProtocolModel):
 
     type: Literal["cancel"]
     gap: Id
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class SuggestDuration(GapMessage):
@@ -179,7 +112,7 @@ class Library(ProtocolModel):
     type: Literal["library"]
     id: RequestId
     rig: Id
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 ClientMessage = Annotated[
@@ -220,7 +153,7 @@ class Welcome(ProtocolModel):
     methods: list[MethodInfo]
     gallery: str | None
     target_parts: list[str]
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class CandidateInfo(ProtocolModel):
@@ -263,7 +196,7 @@ class Dropped(ProtocolModel):
     type: Literal["dropped"]
     id: RequestId
     gap: Id
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class Failed(ProtocolModel):
@@ -274,7 +207,7 @@ class Failed(ProtocolModel):
     gap: Id | None
     reason: str
     again: bool = False
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class DurationOption(ProtocolModel):
@@ -292,7 +225,7 @@ class SuggestedDurations(ProtocolModel):
     id: RequestId
     frames: int
     alternatives: list[DurationOption]
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class GalleryPath(ProtocolModel):
@@ -313,7 +246,7 @@ class GalleryPaths(ProtocolModel):
     id: RequestId
     paths: list[GalleryPath]
     reason: str | None
-    arrays: dict[str, Shape] = {}
+    arrays: dict[str, Shape] = Field(default_factory=dict)
 
 
 class MirroredPose(ProtocolModel):
@@ -388,35 +321,6 @@ class Refusal(ProtocolModel):
 
     reason: str
     again: bool = False
-
-
-class SourceFile(ProtocolModel):
-    """The BVH file of a project."""
-
-    name: Label
-    text: str
-
-
-class ProjectKey(ProtocolModel):
-    """A key. pose: its row, 32-bit floats in base64; None for the pose of the source frame. source: the frame of the
-    source file, if the pose is unchanged. after: the gap that follows. motion: the frames shown there, in base64, where
-    they are worth keeping."""
-
-    id: Id
-    frame: Frame
-    pose: str | None
-    source: Frame | None
-    after: GapSettings
-    motion: str | None = None
-
-
-class Project(ProtocolModel):
-    """A project file, `.interpose`: self-contained JSON."""
-
-    format: Literal[1]
-    name: Label
-    source: SourceFile
-    keys: Annotated[list[ProjectKey], Field(max_length=5000)]
 
 
 class Opened(ProtocolModel):

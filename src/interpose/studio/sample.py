@@ -9,7 +9,7 @@ from interpose import io
 from interpose.demo import poses
 from interpose.demo.poses import Pose
 from interpose.motion import concatenate
-from interpose.studio.protocol import GapSettings, Project, ProjectKey, SourceFile
+from interpose.studio.project_format import GapSettings, Project, ProjectKey, SourceFile
 
 
 @dataclass(frozen=True)

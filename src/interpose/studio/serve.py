@@ -15,7 +15,10 @@ import uvicorn
 from interpose.errors import InputError
 from interpose.studio.app import create_app
 from interpose.studio.methods import Offer, warm
-from interpose.studio.protocol import LARGEST_MESSAGE, Opened
+from interpose.studio.protocol import (
+    LARGEST_MESSAGE,
+    Opened,
+)
 
 PORT = 8360
 PORTS_TRIED = 20
