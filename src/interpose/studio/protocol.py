@@ -1,6 +1,6 @@
 """Everything that the studio's server and its browser send to each other.
 
-The types of project files are in `project_format`. The TypeScript types in `web/src/protocol.ts` are generated from both
+The types of project files are in `project_format`. The TypeScript types in `web/src/protocol.ts` come from both
 (`python -m interpose.studio.protocol` prints the JSON schema); a test fails when the two differ.
 
 **Envelopes.** Every websocket message, and every HTTP body that holds poses, is an envelope: four bytes with the length
