@@ -21,9 +21,8 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.io.bvh_channels import decode
-from interpose.io.bvh_header import BvhHeader, BvhText, parse_header
 from interpose.io.bvh_layout import BvhLayout
-from interpose.io.bvh_rows import parse_rows
+from interpose.io.bvh_text import BvhHeader, BvhText, parse_header, parse_rows
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 
@@ -93,9 +92,9 @@ def detect_unit(parents: list[int], offsets: Float[ndarray, "joint 3"]) -> float
 
 
 def _layout(source: BvhText, header: BvhHeader, metres_per_unit: float | None) -> BvhLayout:
-    data, hierarchy = source.data, header.hierarchy
-    offsets = np.array(hierarchy.offsets, dtype=float)
-    unit = detect_unit(hierarchy.parents, offsets) if metres_per_unit is None else float(metres_per_unit)
+    data = source.data
+    offsets = np.array(header.offsets, dtype=float)
+    unit = detect_unit(header.parents, offsets) if metres_per_unit is None else float(metres_per_unit)
     (begin, end), (time_begin, time_end) = header.frames_span, header.frame_time_span
     rest = offsets * unit
     bones = np.concatenate([np.zeros((1, 3)), rest[1:]])
@@ -103,11 +102,11 @@ def _layout(source: BvhText, header: BvhHeader, metres_per_unit: float | None) -
     first_row = rows[: 2**20].lstrip().partition(source.newline.encode())[0].rstrip(b"\r")
     numbers = first_row.rstrip()
     return BvhLayout(
-        skeleton=Skeleton(tuple(hierarchy.names), tuple(hierarchy.parents), bones),
+        skeleton=Skeleton(tuple(header.names), tuple(header.parents), bones),
         offsets=rest,
-        channels=tuple(hierarchy.channels),
-        end_sites=tuple(hierarchy.end_sites),
-        end_offsets=np.array(hierarchy.end_offsets, dtype=float).reshape(-1, 3) * unit,
+        channels=tuple(header.channels),
+        end_sites=tuple(header.end_sites),
+        end_offsets=np.array(header.end_offsets, dtype=float).reshape(-1, 3) * unit,
         metres_per_unit=unit,
         head=(data[:begin].decode(header.encoding), data[end:time_begin].decode("ascii")),
         frame_time=data[time_begin:time_end].decode("ascii"),

@@ -12,7 +12,7 @@ from numpy import ndarray
 from interpose.io.bvh_channels import decode, encode
 from interpose.io.bvh_layout import BvhLayout, default_layout
 from interpose.io.bvh_read import rate_of
-from interpose.io.bvh_rows import parse_numbers
+from interpose.io.bvh_text import parse_numbers
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
 

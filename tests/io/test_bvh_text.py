@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interpose.io.bvh_rows import parse_numbers
+from interpose.io.bvh_text import parse_numbers
 
 FORMS = ["{:.6f}", "{:g}", "{!r}", "{:+.3e}", "{:.0f}.", "{:.0f}"]
 NUMBERS = st.builds(str.format, st.sampled_from(FORMS), st.floats(-1e6, 1e6))
