@@ -206,10 +206,7 @@ def _humanoid(source: Skeleton | Motion) -> _Humanoid | None:
         return None
     joints = {n: j for n, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
     frames = dict(zip(HUMANOID.names, rotation.inverse(found.rest_global), strict=True))
-    rest = found.skeleton.offsets.copy()
-    for joint, parent in enumerate(found.skeleton.parents[1:], start=1):
-        rest[joint] += rest[parent]
-    return _Humanoid(joints, frames, rest) if "Head" in joints else None
+    return _Humanoid(joints, frames, found.skeleton.rest_positions()) if "Head" in joints else None
 
 
 def _human(body: _Humanoid, detail: int) -> list[_Piece]:

@@ -56,6 +56,13 @@ class Skeleton:
             raise ValueError(f"no joint is called {name!r}; the joints are {', '.join(self.names)}")
         return self.names.index(name)
 
+    def rest_positions(self) -> Float[ndarray, "joint 3"]:
+        """Joint positions in the rest pose with the root at the origin, metres."""
+        out = np.concatenate([np.zeros((1, 3)), self.offsets[1:]])
+        for joint, parent in enumerate(self.parents[1:], start=1):
+            out[joint] += out[parent]
+        return out
+
 
 @lru_cache(maxsize=256)
 def _levels(parents: tuple[int, ...]) -> tuple[tuple[list[int], list[int]], ...]:

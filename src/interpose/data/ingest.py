@@ -11,7 +11,6 @@ import io
 import json
 import os
 import shutil
-import tempfile
 import time
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -19,7 +18,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +32,7 @@ from interpose.data import contacts, database, root, sources
 from interpose.data.database import DATABASE_VERSION, ClipArrays, ClipInfo, Database
 from interpose.data.sources import FRAME_CUTS_RATE, SourceClip
 from interpose.errors import InputError
-from interpose.io import read
+from interpose.io import parse
 from interpose.io.files import write_whole
 from interpose.motion import Motion
 from interpose.skeleton import MODEL_RATE
@@ -243,15 +242,7 @@ def _results(jobs: Sequence[tuple[SourceClip, Path]], workers: int) -> Iterator[
 def _make_part(clip: SourceClip, part: Path) -> str | None:
     """Prepares one clip into its part file; returns the reason where it cannot be used, raises where writing fails."""
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            file = clip.source.origin
-            if clip.source.member:
-                file = Path(folder) / PurePosixPath(clip.source.member).name
-                file.write_bytes(clip.source.read_bytes())
-            try:
-                info, arrays = convert(read(file), clip)
-            except InputError as error:
-                return str(error).replace(str(file), clip.source.name)
+        info, arrays = convert(parse(clip.source.read_bytes(), clip.source.name), clip)
         content = io.BytesIO()
         np.savez(content, info=np.array(json.dumps(asdict(info))), **vars(arrays))
     except InputError as error:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from interpose.errors import InputError
+from interpose.io.files import MAX_BYTES
 
 FRAME_CUTS = "Frame_Cuts.csv"
 FRAME_CUTS_RATE = 60.0
@@ -155,7 +156,9 @@ class DatasetFile:
     stamp: int
 
     def read_bytes(self) -> bytes:
-        """The whole file; raises InputError where it cannot be read."""
+        """The whole file; raises InputError where it cannot be read or is too large for a clip."""
+        if self.size > MAX_BYTES:
+            raise InputError(f"{self.name}: larger than {MAX_BYTES / 2**20:.0f} MB; cut it into shorter clips")
         try:
             if not self.member:
                 return self.origin.read_bytes()

@@ -33,53 +33,42 @@ from interpose.io import grounding
 from interpose.io.files import MAX_BYTES
 from interpose.io.layout import UnitLayout
 from interpose.motion import Motion
-from interpose.skeleton import Skeleton
 
 _POSE_COLUMNS = {156: "SMPL-H", 165: "SMPL-X", 72: "SMPL"}
 _RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 _BODY_MODELS = ("smpl", "smplh", "smplx")
-_JOINT_ORDER = """
-    Pelvis L_Hip R_Hip Spine1 L_Knee R_Knee Spine2 L_Ankle R_Ankle Spine3 L_Foot R_Foot Neck L_Collar R_Collar Head
-    L_Shoulder R_Shoulder L_Elbow R_Elbow L_Wrist R_Wrist
-"""
 _LARGEST_DISTANCE = 1e4  # metres from the origin
 _LARGEST_ANGLE = 1e3  # radians
 
 
-def _skeleton() -> Skeleton:
-    # SMPL's joint order and parents; our own offsets, of an adult 1.7 m tall who stands with the feet apart.
-    middle = [
+SMPL_SKELETON = grounding.skeleton_of(
+    [
         ("Pelvis", None, (0.0, 0.0, 0.0)),
-        ("Spine1", "Pelvis", (0.0, 0.11, -0.02)),
-        ("Spine2", "Spine1", (0.0, 0.13, 0.0)),
-        ("Spine3", "Spine2", (0.0, 0.06, 0.01)),
-        ("Neck", "Spine3", (0.0, 0.21, -0.03)),
-        ("Head", "Neck", (0.0, 0.09, 0.04)),
-    ]
-    left = [
         ("L_Hip", "Pelvis", (0.07, -0.09, 0.0)),
+        ("R_Hip", "Pelvis", (-0.07, -0.09, 0.0)),
+        ("Spine1", "Pelvis", (0.0, 0.11, -0.02)),
         ("L_Knee", "L_Hip", (0.035, -0.39, 0.0)),
+        ("R_Knee", "R_Hip", (-0.035, -0.39, 0.0)),
+        ("Spine2", "Spine1", (0.0, 0.13, 0.0)),
         ("L_Ankle", "L_Knee", (-0.015, -0.41, -0.03)),
+        ("R_Ankle", "R_Knee", (0.015, -0.41, -0.03)),
+        ("Spine3", "Spine2", (0.0, 0.06, 0.01)),
         ("L_Foot", "L_Ankle", (0.025, -0.06, 0.12)),
+        ("R_Foot", "R_Ankle", (-0.025, -0.06, 0.12)),
+        ("Neck", "Spine3", (0.0, 0.21, -0.03)),
         ("L_Collar", "Spine3", (0.08, 0.12, -0.02)),
+        ("R_Collar", "Spine3", (-0.08, 0.12, -0.02)),
+        ("Head", "Neck", (0.0, 0.09, 0.04)),
         ("L_Shoulder", "L_Collar", (0.1, 0.04, -0.01)),
+        ("R_Shoulder", "R_Collar", (-0.1, 0.04, -0.01)),
         ("L_Elbow", "L_Shoulder", (0.26, -0.015, -0.02)),
+        ("R_Elbow", "R_Shoulder", (-0.26, -0.015, -0.02)),
         ("L_Wrist", "L_Elbow", (0.25, 0.0, 0.0)),
+        ("R_Wrist", "R_Elbow", (-0.25, 0.0, 0.0)),
     ]
-    joints = {name: (parent, offset) for name, parent, offset in [*middle, *left]}
-    for name, parent, (x, y, z) in left:
-        joints["R" + name[1:]] = ("R" + parent[1:] if parent.startswith("L_") else parent, (-x, y, z))
-    order = _JOINT_ORDER.split()
-    parents = [joints[name][0] for name in order]
-    return Skeleton(
-        tuple(order),
-        tuple(-1 if parent is None else order.index(parent) for parent in parents),
-        np.array([joints[name][1] for name in order]),
-    )
-
-
-SMPL_SKELETON = _skeleton()
-"""The first 22 joints of SMPL, SMPL-H and SMPL-X, in their order, with our own offsets in their T-pose."""
+)
+"""The first 22 joints of SMPL, SMPL-H and SMPL-X, in their order, in their T-pose. The offsets are our own: of an adult
+1.7 m tall who stands with the feet apart."""
 
 _TOES = (SMPL_SKELETON.index("L_Foot"), SMPL_SKELETON.index("R_Foot"))
 _Y_UP_FROM_Z_UP = rotation.from_rotation_vector(np.array([-np.pi / 2.0, 0.0, 0.0]))

@@ -18,7 +18,6 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.mannequin import LEFT, MIDDLE, RIGHT, mannequin
 from interpose.motion import Motion
-from interpose.skeleton import Skeleton
 
 MATERIALS = {
     MIDDLE: ("body", (0.62, 0.52, 0.40)),
@@ -43,8 +42,7 @@ def serialize(motion: Motion, unchanged_rows: Mapping[int, int] | None = None, n
     if not all(np.isfinite(x).all() for x in (motion.root_positions, motion.local_rotations, moved)):
         raise InputError(f"motion {name!r} holds values that are not finite; repair or cut them before writing")
     document = _Document()
-    document.content.nodes = _nodes(motion)
-    document.content.nodes.append(gltf.Node(name="Mannequin", mesh=0, skin=0))
+    document.content.nodes = [*_nodes(motion), gltf.Node(name="Mannequin", mesh=0, skin=0)]
     document.content.scenes = [gltf.Scene(name="Scene", nodes=[0, len(motion.skeleton)])]
     document.content.scene = 0
     _add_mannequin(document, motion)
@@ -63,9 +61,8 @@ class _Document:
 
     def add(self, array: ndarray, kind: str, target: int | None = None, limits: bool = False) -> int:
         """Stores float32, uint8, uint16 or uint32 elements (row-major) and returns the accessor's index."""
-        self.data.extend(b"\0" * (-len(self.data) % 4))
         start, raw = len(self.data), np.ascontiguousarray(array).tobytes()
-        self.data.extend(raw)
+        self.data.extend(raw + b"\0" * (-len(raw) % 4))
         self.content.bufferViews.append(gltf.BufferView(buffer=0, byteOffset=start, byteLength=len(raw), target=target))
         rows = array.reshape(len(array), -1)
         self.content.accessors.append(
@@ -82,7 +79,6 @@ class _Document:
         return len(self.content.accessors) - 1
 
     def finish(self) -> bytes:
-        self.data.extend(b"\0" * (-len(self.data) % 4))
         self.content.buffers = [gltf.Buffer(byteLength=len(self.data))]
         self.content.set_binary_blob(bytes(self.data))
         return b"".join(self.content.save_to_bytes())
@@ -115,18 +111,9 @@ def _nodes(motion: Motion) -> list[gltf.Node]:
     return nodes
 
 
-def _rest(skeleton: Skeleton) -> ndarray:
-    """(joint, 3) positions in the rest pose with the root at the origin."""
-    rest = skeleton.offsets.copy()
-    rest[0] = 0.0
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        rest[joint] += rest[parent]
-    return rest
-
-
 def _add_mannequin(document: _Document, motion: Motion) -> None:
     """The mesh in the rest pose, one primitive per side of the body, and the skin that binds it to the joints."""
-    shape, rest = mannequin(motion, _DETAIL), _rest(motion.skeleton)
+    shape, rest = mannequin(motion, _DETAIL), motion.skeleton.rest_positions()
     index = np.uint8 if len(rest) < 256 else np.uint16
     primitives = []
     for side, (name, colour) in MATERIALS.items():
@@ -135,10 +122,8 @@ def _add_mannequin(document: _Document, motion: Motion) -> None:
             continue
         used, flat = np.unique(triangles, return_inverse=True)
         joints = shape.joints[used]
-        bones = np.zeros((len(used), 4), dtype=index)
-        bones[:, 0] = joints
-        weights = np.zeros((len(used), 4), dtype=np.float32)
-        weights[:, 0] = 1.0
+        bones, weights = np.zeros((len(used), 4), dtype=index), np.zeros((len(used), 4), dtype=np.float32)
+        bones[:, 0], weights[:, 0] = joints, 1.0
         positions = (rest[joints] + shape.vertices[used]).astype(np.float32)
         corners = flat.astype(np.uint16 if len(used) < 65535 else np.uint32)
         primitives.append(

@@ -1,4 +1,4 @@
-"""Estimates a performer's size and floor from a motion without bone lengths.
+"""The skeleton, size and floor of a motion without bone lengths.
 
 AMASS leaves bone lengths to a body model that is not used here, Human3.6M's exponential maps to another file. Their
 readers pose a skeleton of our own, and :func:`grounded` scales it: a standing foot does not move, so the size is right
@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from interpose.motion import Motion, velocities
+from interpose.skeleton import Skeleton
 
 TOE_HEIGHT = 0.017
 """Metres from the floor to the toe joint (the ball of the foot) of a standing foot of our skeletons' size."""
@@ -29,6 +30,13 @@ _LOW_HEIGHT = 0.1  # metres above the lowest toe positions
 _NEEDED_SECONDS = 0.5  # of such toes
 _LARGEST_RESIDUAL = 0.3  # share of the toes' speed relative to the root
 _ROUNDS = 10
+
+
+def skeleton_of(joints: Sequence[tuple[str, str | None, tuple[float, float, float]]]) -> Skeleton:
+    """A skeleton from each joint's name, its parent's name (None for the root) and its offset, metres."""
+    names = tuple(name for name, _, _ in joints)
+    parents = tuple(-1 if parent is None else names.index(parent) for _, parent, _ in joints)
+    return Skeleton(names, parents, np.array([offset for _, _, offset in joints]))
 
 
 def grounded(motion: Motion, toes: Sequence[int]) -> Motion:

@@ -33,7 +33,6 @@ from interpose.errors import InputError
 from interpose.io import grounding
 from interpose.io.layout import UnitLayout
 from interpose.motion import Motion, from_global, velocities
-from interpose.skeleton import Skeleton
 
 _RATE = 50.0
 _COLUMNS = 99
@@ -78,11 +77,7 @@ _JOINTS: list[tuple[str, int, str | None, tuple[float, float, float], Float[ndar
     ("RightHand", 27, "RightForeArm", (-0.25, 0.0, 0.0), _rotation(z=_QUARTER)),
 ]
 
-H36M_SKELETON = Skeleton(
-    tuple(name for name, *_ in _JOINTS),
-    tuple(-1 if parent is None else [name for name, *_ in _JOINTS].index(parent) for _, _, parent, _, _ in _JOINTS),
-    np.array([offset for _, _, _, offset, _ in _JOINTS]),
-)
+H36M_SKELETON = grounding.skeleton_of([(name, parent, offset) for name, _, parent, offset, _ in _JOINTS])
 """Human3.6M's joints without bone ends, thumbs and duplicates, with our own offsets in a T-pose that looks along +Z.
 
 In a T-pose the file's legs, collars and arms are at right angles to the body. Its feet, toes, neck (the bone to the

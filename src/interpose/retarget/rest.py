@@ -45,7 +45,7 @@ def stance(skeleton: Skeleton, found: NamedJoints, motion: Motion | None) -> Sta
     its T-pose direction by the smallest rotation, parents first, which keeps its twist. Raises InputError where neither
     the rest pose, nor the profile, nor a motion shows the joint frames.
     """
-    points = _rest_positions(skeleton)
+    points = skeleton.rest_positions()
     joints = {name: j for name, j in zip(HUMANOID.names, found.joints, strict=True) if j is not None}
     at = {name: points[j] for name, j in joints.items()}
     body = _body_frame(at)
@@ -90,13 +90,6 @@ def _fits(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "
                 if float(_unit(direction) @ expected) < 0.8:
                     return False
     return True
-
-
-def _rest_positions(skeleton: Skeleton) -> Float[ndarray, "joint 3"]:
-    out = [np.zeros(3)]
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        out.append(out[parent] + skeleton.offsets[joint])
-    return np.array(out)
 
 
 def _axes(spelled: str) -> Float[ndarray, "4"]:
