@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from interpose import InputError, Motion, io, rotation
-from interpose.demo import poses, run, scenes
+from interpose.demo import poses, run
 from interpose.mannequin import mannequin
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
@@ -82,7 +82,7 @@ def test_heading_turns_from_forward_to_the_left() -> None:
 
 
 def test_the_scenes_ask_for_three_styles_with_two_durations_each() -> None:
-    found = scenes.scenes()
+    found = run.scenes()
     assert len({s.name for s in found}) == len(found)
     durations: dict[str, set[int]] = {}
     for s in found:
@@ -95,7 +95,7 @@ def test_the_scenes_ask_for_three_styles_with_two_durations_each() -> None:
 
 
 def test_the_demo_writes_what_its_table_tells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    two = scenes.scenes()[:2]
+    two = run.scenes()[:2]
     monkeypatch.setattr(run, "scenes", lambda: two)
     made = run.demo(tmp_path / "new" / "folder", Interpolation())
     assert [m.scene for m in made] == two

@@ -21,6 +21,8 @@ from interpose.retarget import mapping
 from interpose.skeleton import HUMANOID, Skeleton
 
 MIDDLE, LEFT, RIGHT = 0, 1, 2
+Radii = tuple[float, float] | float
+"""Of a limb's end, across and in depth, metres; one number for both."""
 _X, _Y, _Z = np.eye(3)
 
 
@@ -78,17 +80,13 @@ def loft(
         + (half[1:-1, 1:, None] * sin[None, :, None]) * up
     )
     vertices = np.concatenate([rings.reshape(-1, 3), centres[:1], centres[-1:]])
-    first, last = len(vertices) - 2, len(vertices) - 1
-    here = np.arange(segments)
-    after = (here + 1) % segments
-    faces = [np.stack([np.full(segments, first), after, here], axis=1)]
-    for ring in range(len(body) - 1):
-        low, high = ring * segments, (ring + 1) * segments
-        faces.append(np.stack([low + here, low + after, high + after], axis=1))
-        faces.append(np.stack([low + here, high + after, high + here], axis=1))
-    top = (len(body) - 1) * segments
-    faces.append(np.stack([top + here, top + after, np.full(segments, last)], axis=1))
-    return vertices, np.concatenate(faces)
+    here = np.arange(rings[..., 0].size).reshape(-1, segments)
+    after = np.roll(here, -1, axis=1)
+    poles = np.broadcast_to([[here.size], [here.size + 1]], (2, segments))
+    bottom, top = (poles[0], after[0], here[0]), (here[-1], after[-1], poles[1])
+    lower, upper = (here[:-1], after[:-1], after[1:]), (here[:-1], after[1:], here[1:])
+    sides = np.stack([np.stack(half, axis=-1) for half in (lower, upper)], axis=1)
+    return vertices, np.concatenate([np.stack(bottom, axis=1), sides.reshape(-1, 3), np.stack(top, axis=1)])
 
 
 def _capsule(
@@ -116,14 +114,20 @@ def _capsule(
     return loft(a + along[:, None] * axis, across, np.cross(axis, across), half, segments=4 * detail)
 
 
-def assemble(pieces: Sequence[_Piece]) -> Mannequin:
-    """One mannequin from closed pieces, with normals averaged over the triangles around each vertex by area."""
+def mannequin(source: Skeleton | Motion, detail: int = 5) -> Mannequin:
+    """The mannequin of a skeleton; ``detail`` is a quarter of the number of vertices around a limb.
+
+    The frames of a motion help to recognise a humanoid whose rest pose is ambiguous.
+    """
+    skeleton = source.skeleton if isinstance(source, Motion) else source
+    body = _humanoid(source)
+    pieces = _creature(skeleton, detail) if body is None else _human(body, detail)
     starts = np.cumsum([0, *(len(p.vertices) for p in pieces)])
     vertices = np.concatenate([p.vertices for p in pieces])
     triangles = np.concatenate([p.triangles + start for p, start in zip(pieces, starts, strict=False)])
     corner = vertices[triangles]
     area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    normals = np.zeros_like(vertices)
+    normals = np.zeros_like(vertices)  # of each vertex the mean over the triangles around it, by area
     for k in range(3):
         np.add.at(normals, triangles[:, k], area)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -134,17 +138,6 @@ def assemble(pieces: Sequence[_Piece]) -> Mannequin:
         triangles,
         np.concatenate([np.full(len(p.triangles), p.side) for p in pieces]),
     )
-
-
-def mannequin(source: Skeleton | Motion, detail: int = 5) -> Mannequin:
-    """The mannequin of a skeleton; ``detail`` is a quarter of the number of vertices around a limb.
-
-    The frames of a motion help to recognise a humanoid whose rest pose is ambiguous.
-    """
-    skeleton = source.skeleton if isinstance(source, Motion) else source
-    body = _humanoid(source)
-    pieces = _creature(skeleton, detail) if body is None else _human(body, detail)
-    return assemble(pieces)
 
 
 def _side(name: str) -> int:
@@ -219,15 +212,7 @@ def _human(body: _Humanoid, detail: int) -> list[_Piece]:
         turned = rotation.rotate(body.frames[name], shape[0])
         pieces.append(_Piece(body.joints[name], side, turned, shape[1]))
 
-    def limb(
-        name: str,
-        side: int,
-        a: ndarray,
-        b: ndarray,
-        ra: tuple[float, float] | float,
-        rb: tuple[float, float] | float,
-        across: ndarray = _X,
-    ) -> None:
+    def limb(name: str, side: int, a: ndarray, b: ndarray, ra: Radii, rb: Radii, across: ndarray = _X) -> None:
         first, last = (np.array(r if isinstance(r, tuple) else (r, r)) * s for r in (ra, rb))
         add(name, side, _capsule(a, b, first.tolist(), last.tolist(), across, detail))
 

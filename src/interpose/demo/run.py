@@ -1,4 +1,4 @@
-"""`interpose demo`: the default model on the demo's own key poses."""
+"""`interpose demo`: the default model on the demo's own key poses, two keys, a time and a style for each scene."""
 
 from __future__ import annotations
 
@@ -12,14 +12,29 @@ from rich.markup import escape
 from rich.table import Table
 
 from interpose import io, retarget
-from interpose.demo.scenes import Scene, scenes
+from interpose.demo import poses
 from interpose.errors import InputError
-from interpose.motion import concatenate
+from interpose.motion import Motion, concatenate
 from interpose.render import SheetRow, compose, draw_rows, save
 from interpose.runtime.info import Info
 from interpose.runtime.model import Model, load_model
 
 OVERVIEW = "contact-sheet.png"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """name: of its files. start, target: the keys, one frame each. frames: how many to make between them.
+
+    asked: the request in a few words.
+    """
+
+    name: str
+    style: str
+    start: Motion
+    target: Motion
+    frames: int
+    asked: str
 
 
 @dataclass(frozen=True)
@@ -62,6 +77,27 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
     return made
 
 
+def scenes() -> list[Scene]:
+    """Three styles, each with two requests.
+
+    The first is the same for all: two seconds between two frames of a plain walk. The second goes from standing into
+    a pose of that style in four seconds, with a turn on the way.
+    """
+    walk = poses.pose(poses.WALK_LEFT), poses.pose(poses.WALK_RIGHT, (0.0, 2.3))
+    stand = poses.pose(poses.STAND)
+    turns = {
+        "Aeroplane": poses.pose(poses.AEROPLANE, (2.6, 2.6), 90.0),
+        "Chicken": poses.pose(poses.CHICKEN, (-2.2, 2.4), -90.0),
+        "KarateChop": poses.pose(poses.KARATE, (1.2, 2.4), 50.0),
+    }
+    made = []
+    for style, target in turns.items():
+        low = style.lower()
+        made.append(Scene(f"{low}-walk", style, *walk, 59, "a plain walk"))
+        made.append(Scene(f"{low}-turn", style, stand, target, 119, "from standing, with a turn"))
+    return made
+
+
 def show(out: str | PathLike[str], model: Model | None = None) -> int:
     """Runs :func:`demo` and prints its table and what to try next; the command's exit status."""
     console = Console()
@@ -95,7 +131,7 @@ def table(made: list[Made]) -> Table:
             str(info.frames),
             f"{(info.frames + 1) / each.scene.start.rate:.1f}",
             f"{1000 * info.seconds:.0f} ms",
-            _arrival(info),
+            f"{1000 * info.arrival_position_error_m:.1f} mm",
             _slide(info),
         )
     fallbacks = [m.info.fallback for m in made if m.info.fallback is not None]
@@ -112,10 +148,6 @@ def _notes(scene: Scene, info: Info) -> tuple[str, ...]:
         f"made in {1000 * info.seconds:.0f} ms",
         f"foot slide {_slide(info)}",
     )
-
-
-def _arrival(info: Info) -> str:
-    return f"{1000 * info.arrival_position_error_m:.1f} mm"
 
 
 def _slide(info: Info) -> str:

@@ -7,12 +7,10 @@
     mocap_framerate           frames a second; mocap_frame_rate in SMPL-X files
     surface_model_type        smplx, smplh or smpl; optional
 
-Bone lengths are part of the body model, which has its own licence and is not used here, so ``betas`` are not read. The
-poses go on our own skeleton in the same T-pose (all rotations zero: Y up, facing +Z, left at +X, every joint's frame
-parallel to the world's); `interpose.io.grounding` scales it to the performer.
-
-``trans`` is not the position of the pelvis. The body model adds an offset of two or three decimetres, mostly sideways
-and constant within a clip. The sideways part does not matter; the height is found from the lowest toe.
+The body model, which has its own licence, is not used, so ``betas`` are not read. The poses go on our own skeleton in
+the same T-pose (Y up, facing +Z, left at +X, joint frames parallel to the world's); `interpose.io.grounding` scales it.
+``trans`` is not the pelvis: the body model adds two or three decimetres, mostly sideways and constant within a clip.
+The sideways part does not matter; the height is found from the lowest toe.
 """
 
 from __future__ import annotations

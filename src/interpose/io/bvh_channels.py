@@ -44,22 +44,21 @@ def encode(
     root: Float[ndarray, "frame 3"],
     rotations: Float[ndarray, "frame joint 4"],
     translations: Float[ndarray, "frame joint 3"] | None,
-    previous: Float[ndarray, "channel"] | None,
+    previous: Float[ndarray, "channel"],
 ) -> Float[ndarray, "frame channel"]:
     """Rows of channels, the inverse of :func:`decode`, with the Euler angles closest to the previous row.
 
-    ``previous`` is the row before the first (None: zeros). What a joint's channels cannot express is left out: a
+    ``previous`` is the row before the first. What a joint's channels cannot express is left out: a
     joint with one rotation channel keeps its twist about that axis, one with two channels the closest such pair.
     """
     values = np.empty((len(root), layout.channel_count))
-    before = np.zeros(layout.channel_count) if previous is None else previous
     positions = layout.skeleton.offsets[None] if translations is None else translations
     for joint, axis, column in _position_columns(layout):
         metres = root[:, axis] if joint == 0 else positions[:, joint, axis]
         values[:, column] = metres / layout.metres_per_unit
     for order, (members, columns) in _rotation_groups(layout).items():
         if order:
-            values[:, columns] = _nearest_angles(order, rotations[:, members], before[columns])
+            values[:, columns] = _nearest_angles(order, rotations[:, members], previous[columns])
     return values
 
 

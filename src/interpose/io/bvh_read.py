@@ -1,9 +1,5 @@
 """Reads BVH (Biovision hierarchy) files.
 
-Accepts what is found in practice: one to six channels per joint in any order, position channels on any joint, any
-whitespace and line ends, rows wrapped over lines, keywords in any case, names with spaces. Declared counts are checked
-against the numbers that follow.
-
 The file does not hold its unit. The longest path along the bones (such as from a hand to a foot) is about 2.3 m in an
 adult, so 0.8 to 6 units mean metres. Otherwise a skeleton with at least five chains is assumed to be a humanoid in
 millimetres, centimetres, inches or CMU's unit (an inch / 0.45), whichever brings it closest to 2.3 m, and any other

@@ -101,8 +101,8 @@ def _rows(layout: BvhLayout, motion: Motion, kept: Mapping[int, int]) -> list[st
     generated = np.array([i not in kept for i in range(frames)])
     edges = np.flatnonzero(np.diff(generated, prepend=False, append=False))
     for start, stop in zip(edges[0::2], edges[1::2], strict=True):
-        near = rows[start - 1] if start > 0 else rows[stop] if stop < frames else None
-        previous = None if near is None else np.array(near.split(), dtype=float)
+        near = rows[start - 1] if start > 0 else rows[stop] if stop < frames else "0 " * layout.channel_count
+        previous = np.array(near.split(), dtype=float)
         moved = None if motion.translations is None else motion.translations[start:stop]
         values = encode(layout, motion.root_positions[start:stop], motion.local_rotations[start:stop], moved, previous)
         form = " ".join([f"%.{layout.decimals}f"] * layout.channel_count)

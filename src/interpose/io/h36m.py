@@ -1,22 +1,17 @@
 """Reads Human3.6M's exponential maps: `S1/walking_1.txt` of the archive h3.6m.zip, 50 rows of 99 numbers a second.
 
-The archive was made for Jain et al. 2016 (`Structural-RNN`) and is used by Martinez et al. 2017 (`On human motion
-prediction using recurrent neural networks`) and later work. The motion is from Ionescu et al. 2014 (`Human3.6M`). A row
-holds three numbers for the root's translation and three, an exponential map, for each of 32 joints.
+The motion is from Ionescu et al. 2014 (`Human3.6M`), the archive from Jain et al. 2016 (`Structural-RNN`). A row holds
+three numbers for the root's translation and an exponential map for each of 32 joints.
 
-**The first six columns are differences.** Columns 1 to 3 are the root's translation since the previous row in
-millimetres, columns 4 to 6 its rotation, both in the root's own frame of the previous row; the first row is zero. The
-archive's code accumulates them (`revertCoordinateSpace`). The first pose is therefore known only relative to its
-pelvis: the file does not hold the up direction, the position in the room or the height of the pelvis.
+**The first six columns are differences** from the previous row, in the root's own frame there: millimetres, then the
+rotation. The first row is zero, so the file does not hold the up direction or the place of the first pose.
+**Exponential maps have the opposite sign**: the archive's code multiplies row vectors by matrices, so a joint rotates
+by minus its numbers. With all rotations zero the body looks along +Z, Y up, left at +X; the legs hang along -Y, and
+all bones of the torso and the arms point along +Y.
 
-**Exponential maps have the opposite sign.** The archive's code multiplies row vectors by matrices. With column vectors,
-as here, a joint rotates by minus its numbers. With all rotations zero the body looks along +Z, Y up, left at +X; the
-legs hang along -Y, and all bones of the torso and the arms point along +Y.
-
-The up direction is estimated in two steps. Takes begin upright, so it is close to the first pelvis' Y axis. People who
-stand straight have their neck above their ankles, within about 3 degrees. Then :func:`up` fits the floor to toes that
-stand still, which is more accurate the farther the take walks. The clip starts at the origin and its first pose looks
-along +Z. `interpose.io.grounding` finds the height and the performer's size.
+The up direction is estimated: takes begin upright, and people who stand straight have their neck above their ankles
+within about 3 degrees. Then :func:`up` fits the floor to toes that stand still, which is more accurate the farther the
+take walks. The clip starts at the origin, its first pose along +Z; `interpose.io.grounding` finds height and size.
 """
 
 from __future__ import annotations
