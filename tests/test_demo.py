@@ -15,7 +15,7 @@ from interpose.runtime.inbetween import Candidate
 from interpose.runtime.model import Model
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
-from interpose.skeleton import HUMANOID, MIRROR
+from interpose.skeleton import HUMANOID, MIRROR, MODEL_RATE
 
 NAMES = [name for name, value in vars(poses).items() if isinstance(value, poses.Pose)]
 
@@ -89,7 +89,7 @@ def test_the_scenes_ask_for_three_styles_with_two_durations_each() -> None:
         durations.setdefault(s.style, set()).add(s.frames)
         assert len(s.start) == len(s.target) == 1
         travelled = np.linalg.norm((s.target.root_positions - s.start.root_positions)[0, [0, 2]])
-        assert 0.2 < travelled / ((s.frames + 1) / poses.RATE) < 3.0
+        assert 0.2 < travelled / ((s.frames + 1) / MODEL_RATE) < 3.0
     assert len(durations) >= 3
     assert all(len(frames) >= 2 for frames in durations.values())
 

@@ -16,7 +16,7 @@ ANGLES = st.floats(-3.1, 3.1)
 
 
 def about_y(angle: np.ndarray | float) -> np.ndarray:
-    return rotation.from_rotation_vector(np.multiply.outer(np.asarray(angle, dtype=float), root.UP))
+    return rotation.from_rotation_vector(np.multiply.outer(np.asarray(angle, dtype=float), rotation.UP))
 
 
 def turning(yaw: np.ndarray, seed: int | None = None) -> Motion:

@@ -9,7 +9,7 @@ import pytest
 
 from interpose import io, rotation
 from interpose.io import bvh
-from interpose.io.layout import UnitLayout
+from interpose.io.grounding import UnitLayout
 from interpose.motion import Motion, SourceLayout
 from interpose.skeleton import HUMANOID, Skeleton
 

@@ -15,7 +15,7 @@ from strategies import motions
 
 from interpose import rotation
 from interpose.io import bvh
-from interpose.io.layout import UnitLayout
+from interpose.io.grounding import UnitLayout
 from interpose.motion import Motion, concatenate, resample
 from interpose.skeleton import HUMANOID, Skeleton
 

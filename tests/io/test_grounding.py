@@ -9,7 +9,7 @@ import pytest
 
 from interpose import rotation
 from interpose.io import grounding
-from interpose.motion import Motion
+from interpose.motion import Motion, SourceLayout
 from interpose.skeleton import HUMANOID
 
 TOES = [HUMANOID.index("LeftToe"), HUMANOID.index("RightToe")]
@@ -66,3 +66,10 @@ def test_where_no_toe_is_still_the_floor_is_under_the_lowest() -> None:
     falling = motion.root_positions - np.arange(200)[:, None] * np.array([0.0, 0.01, 0.0])
     toes = grounding.grounded(replace(motion, root_positions=falling), TOES).global_positions()[:, TOES, 1]
     assert np.percentile(toes.min(axis=1), 5.0) == pytest.approx(grounding.TOE_HEIGHT)
+
+
+def test_it_holds_a_unit_and_joins_nothing() -> None:
+    layout = grounding.UnitLayout(0.001)
+    assert isinstance(layout, SourceLayout)
+    assert (layout.metres_per_unit, layout.nbytes) == (0.001, 0)
+    assert layout.joined(0, grounding.UnitLayout(0.001), 3) == (layout, False)

@@ -21,7 +21,7 @@ REST_HEIGHTS = np.array([0.075, 0.015, 0.075, 0.015])
 """Height of each joint above the floor when the foot is flat on it, metres."""
 
 BENCHMARK_SPEED = float(np.sqrt(0.02) / 100.0 * 30.0)
-"""Metres a second: the benchmark's squared 0.02 cm^2 a frame at 30 Hz."""
+"""Metres a second: the LaFAN1 benchmark's squared 0.02 cm^2 a frame at 30 Hz (Harvey et al. 2020)."""
 
 SLIDE_HEIGHT = 0.025
 """H of foot slide, metres: a toe higher than this is not in contact."""
@@ -33,18 +33,6 @@ CONTACT_CLEARANCE = 0.03
 """Metres above the joint's resting height: a foot that is held still in the air is not in contact."""
 
 CONTACT_MEDIAN_FRAMES = 5
-
-
-def by_speed(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:
-    """The LaFAN1 benchmark's contacts (Harvey et al. 2020): speed to the next frame below 4.24 cm/s, at any height.
-
-    The last frame repeats the one before it.
-    """
-    if len(positions) == 1:
-        return np.ones((1, len(CONTACT_JOINTS)), dtype=bool)
-    step = np.linalg.norm(np.diff(positions[:, CONTACT_INDICES], axis=0), axis=-1) * rate
-    still = step < BENCHMARK_SPEED
-    return np.concatenate([still, still[-1:]])
 
 
 def detect(positions: Float[ndarray, "frame 22 3"], rate: float) -> Bool[ndarray, "frame 4"]:

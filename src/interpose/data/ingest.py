@@ -154,7 +154,7 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
     positions = humanoid.global_positions()
     height = floor_height(positions, MODEL_RATE)
     raised = -height if abs(height) > FLOOR_TOLERANCE else 0.0
-    place, positions = humanoid.root_positions + raised * root.UP, positions + raised * root.UP
+    place, positions = humanoid.root_positions + raised * rotation.UP, positions + raised * rotation.UP
     arrays = ClipArrays(
         place.astype(np.float32),
         rotation.continuous(humanoid.local_rotations).astype(np.float32),

@@ -14,7 +14,6 @@ from interpose import rotation
 from interpose.skeleton import HUMANOID
 
 SMOOTHING_SECONDS = 2.0
-UP = np.array([0.0, 1.0, 0.0])
 
 _LEFT = tuple(HUMANOID.index(name) for name in ("LeftUpLeg", "LeftArm"))
 _RIGHT = tuple(HUMANOID.index(name) for name in ("RightUpLeg", "RightArm"))
@@ -87,7 +86,7 @@ def pose_yaw(q_hips_world: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch
     For joint frames as in :data:`~interpose.skeleton.HUMANOID`, where the identity looks along +Z. It is continuous
     while a character lies down and rolls over, and 0 for hips exactly upside down, which have no facing.
     """
-    q = rotation.twist(q_hips_world, UP)
+    q = rotation.twist(q_hips_world, rotation.UP)
     angle = 2.0 * np.arctan2(q[..., 1], q[..., 3])
     return np.asarray(np.pi - np.remainder(np.pi - angle, 2.0 * np.pi))
 

@@ -33,7 +33,6 @@ from interpose.skeleton import HUMANOID, MODEL_RATE, global_positions, global_ro
 ANKLE, BALL = 0.0945, 0.020
 """Height of the ankle and of the toe joint above the sole of a flat foot, metres."""
 
-_UP = np.array([0.0, 1.0, 0.0])
 _AHEAD = np.array([0.0, 0.0, 1.0])
 _HEEL = np.array([0.0, -ANKLE, -0.05])
 _TIP = np.array([0.0, -BALL, 0.07])
@@ -90,7 +89,7 @@ def pose(source: Pose, ground: tuple[float, float] = (0.0, 0.0), heading: float 
         bends[longer] = root_scalar(gap, bracket=(0.0, 60.0)).root
     local = _levelled(source, bends)
     root = np.array([ground[0], -min(_soles(local).values()), ground[1]])
-    local[0] = rotation.multiply(rotation.from_rotation_vector(np.deg2rad(heading) * _UP), local[0])
+    local[0] = rotation.multiply(rotation.from_rotation_vector(np.deg2rad(heading) * rotation.UP), local[0])
     return Motion(HUMANOID, root[None], local[None], MODEL_RATE)
 
 
@@ -107,7 +106,7 @@ def _levelled(source: Pose, bends: Mapping[str, float]) -> Float[ndarray, "22 4"
     world = global_rotations(local, HUMANOID.parents)
     for side in source.flat:
         for name in ("Foot", "Toe"):
-            world[HUMANOID.index(side + name)] = rotation.twist(world[HUMANOID.index(side + "Foot")], _UP)
+            world[HUMANOID.index(side + name)] = rotation.twist(world[HUMANOID.index(side + "Foot")], rotation.UP)
     for side in source.ball:
         foot, toe = HUMANOID.index(side + "Foot"), HUMANOID.index(side + "Toe")
         ahead = rotation.rotate(world[foot], _AHEAD)
@@ -122,7 +121,7 @@ def _soles(local: Float[ndarray, "22 4"]) -> dict[str, float]:
     at = global_positions(np.zeros(3), world, HUMANOID.parents, HUMANOID.offsets)
 
     def lowest(side: str) -> float:
-        points = (("Foot", _HEEL), ("Toe", _TIP), ("Toe", -BALL * _UP))
+        points = (("Foot", _HEEL), ("Toe", _TIP), ("Toe", -BALL * rotation.UP))
         joints = [(HUMANOID.index(side + name), point) for name, point in points]
         return min(float((at[joint] + rotation.rotate(world[joint], point))[1]) for joint, point in joints)
 

@@ -29,7 +29,6 @@ from interpose import rotation
 from interpose.errors import InputError
 from interpose.io import grounding
 from interpose.io.files import MAX_BYTES
-from interpose.io.layout import UnitLayout
 from interpose.motion import Motion
 
 _POSE_COLUMNS = {156: "SMPL-H", 165: "SMPL-X", 72: "SMPL"}
@@ -94,7 +93,7 @@ def parse(data: bytes, name: str) -> Motion:
     local = rotation.from_rotation_vector(vectors)
     local[:, 0] = rotation.multiply(_Y_UP_FROM_Z_UP, local[:, 0])
     root = rotation.rotate(_Y_UP_FROM_Z_UP, root)
-    motion = Motion(SMPL_SKELETON, root, rotation.continuous(local), rate, layout=UnitLayout(1.0))
+    motion = Motion(SMPL_SKELETON, root, rotation.continuous(local), rate, layout=grounding.UnitLayout(1.0))
     return grounding.grounded(motion, _TOES)
 
 

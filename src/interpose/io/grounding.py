@@ -8,11 +8,11 @@ where the root's motion cancels the foot's motion relative to the root. The floo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from interpose.motion import Motion, velocities
+from interpose.motion import Motion, SourceLayout, velocities
 from interpose.skeleton import Skeleton
 
 TOE_HEIGHT = 0.017
@@ -30,6 +30,18 @@ _LOW_HEIGHT = 0.1  # metres above the lowest toe positions
 _NEEDED_SECONDS = 0.5  # of such toes
 _LARGEST_RESIDUAL = 0.3  # share of the toes' speed relative to the root
 _ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class UnitLayout:
+    """The unit of a file whose frames cannot be written back; see :class:`~interpose.motion.SourceLayout`."""
+
+    metres_per_unit: float
+    nbytes: int = 0
+
+    def joined(self, frame: int, other: SourceLayout | None, other_frame: int) -> tuple[UnitLayout, bool]:
+        """No row of either file."""
+        return self, False
 
 
 def skeleton_of(joints: Sequence[tuple[str, str | None, tuple[float, float, float]]]) -> Skeleton:

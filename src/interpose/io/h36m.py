@@ -26,7 +26,6 @@ from numpy import ndarray
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.io import grounding
-from interpose.io.layout import UnitLayout
 from interpose.motion import Motion, from_global, velocities
 
 _RATE = 50.0
@@ -109,7 +108,7 @@ def parse(data: bytes, name: str) -> Motion:
     motion = from_global(H36M_SKELETON, root, rotation.multiply(world, rotation.inverse(_REST_ROTATIONS)), _RATE)
     motion = _rotated_to_y(motion, _standing_direction(motion))
     motion = grounding.grounded(_rotated_to_y(motion, up(motion)), _TOES)
-    return replace(motion, layout=UnitLayout(_MILLIMETRE))
+    return replace(motion, layout=grounding.UnitLayout(_MILLIMETRE))
 
 
 def up(motion: Motion) -> Float[ndarray, "3"]:

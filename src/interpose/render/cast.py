@@ -50,9 +50,10 @@ class Cast:
         """
         travel = self.track[-1] - self.track[0]
         if np.linalg.norm(travel) > 0.5:
-            return _turn(travel, np.deg2rad(24.0))
-        first = np.array([0.0, 1.0]) if self.facing is None else self.facing[0]
-        return _turn(first, np.deg2rad(58.0))
+            x, z = root.turned(travel, np.deg2rad(24.0))
+        else:
+            x, z = root.turned(np.array([0.0, 1.0]) if self.facing is None else self.facing[0], np.deg2rad(58.0))
+        return np.array([x, 0.0, z]) / np.hypot(x, z)
 
 
 def cast(motion: Motion) -> Cast:
@@ -77,9 +78,3 @@ def cast(motion: Motion) -> Cast:
     track = positions[:, hips][:, [0, 2]]
     shapes = mannequin(motion, detail=4), mannequin(motion, detail=2)
     return Cast(motion, *shapes, positions, motion.global_rotations(), floor, track, facing, down)
-
-
-def _turn(direction: Float[ndarray, "2"], angle: float) -> Float[ndarray, "3"]:
-    """The ground direction (x, z) turned by ``angle`` from +Z towards +X, as a unit vector."""
-    yaw = np.arctan2(direction[0], direction[1]) + angle
-    return np.array([np.sin(yaw), 0.0, np.cos(yaw)])

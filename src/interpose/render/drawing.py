@@ -47,18 +47,8 @@ class Camera:
     def project(self, points: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
         """Pixel x, pixel y (down) and depth in metres (larger is nearer)."""
         p = points - self.centre
-        return np.stack(
-            [
-                self.origin[0] + self.scale * (p @ self.right),
-                self.origin[1] - self.scale * (p @ self.up),
-                p @ self.toward,
-            ],
-            axis=-1,
-        )
-
-    def finer(self, times: int) -> Camera:
-        """The same view with ``times`` as many pixels in each direction."""
-        return replace(self, origin=(self.origin[0] * times, self.origin[1] * times), scale=self.scale * times)
+        across, high = self.scale * (p @ self.right), self.scale * (p @ self.up)
+        return np.stack([self.origin[0] + across, self.origin[1] - high, p @ self.toward], axis=-1)
 
     @property
     def light(self) -> Float[ndarray, "3"]:
@@ -141,7 +131,7 @@ def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> 
     ambient occlusion are then computed once a pixel.
     """
     k = SUPERSAMPLING
-    camera = camera.finer(k)
+    camera = replace(camera, origin=(camera.origin[0] * k, camera.origin[1] * k), scale=camera.scale * k)
     width, tall = image.size[0] * k, image.size[1] * k
     depth = np.full(width * tall, -np.inf, dtype=np.float32)
     normal = np.zeros((width * tall, 3), dtype=np.float32)

@@ -38,6 +38,3 @@ def plot(gallery: Gallery, out: Path, *, style: str | None = None, distance: flo
     for name, picture in pictures.items():
         write_whole(out / name, picture)
     return [out / name for name in pictures]
-
-
-__all__ = ["plot"]
