@@ -117,8 +117,7 @@ class Database:
 
     def clip(self, index: int) -> Motion:
         """One clip as a motion of the humanoid, in double precision."""
-        start, stop = self.ranges[index].tolist()
-        return self.motion(start, stop)
+        return self.motion(*self.ranges[index].tolist())
 
     def motion(self, start: int, stop: int) -> Motion:
         """The frames [start, stop) as a motion of the humanoid, in double precision."""
@@ -143,7 +142,7 @@ def load(path: Path | str) -> Database:
             raise InputError(f"{path} has version {meta['version']}, not {DATABASE_VERSION}; prepare it again")
         if tuple(meta["joints"]) != HUMANOID.names or meta["rate"] != MODEL_RATE:
             raise InputError(f"{path} does not hold the 22 joints at {MODEL_RATE:g} Hz; prepare it again")
-        clips = tuple(_clip_info(entry) for entry in meta["clips"])
+        clips = tuple(clip_info(entry) for entry in meta["clips"])
         dataset, licence, fingerprint = (str(meta[name]) for name in ("dataset", "licence", "fingerprint"))
         made_from = str(meta.get("made_from", ""))
         skipped = tuple((str(file), str(reason)) for file, reason in meta["skipped"])
@@ -234,7 +233,8 @@ def write(
     return load(path)
 
 
-def _clip_info(entry: dict[str, Any]) -> ClipInfo:
+def clip_info(entry: dict[str, Any]) -> ClipInfo:
+    """A clip's entry in `meta.json`; raises KeyError, TypeError or ValueError for one that is incomplete."""
     values = {field.name: entry[field.name] for field in fields(ClipInfo)}
     start, stop = values["cut"]
     return ClipInfo(**{**values, "cut": (int(start), int(stop))})

@@ -260,8 +260,7 @@ def _is_whole(part: Path) -> bool:
 
 def _info(part: Path) -> tuple[ClipInfo, int]:
     with open(part, "rb") as file, np.load(file) as content:
-        values = json.loads(str(content["info"]))
-        return ClipInfo(**{**values, "cut": tuple(values["cut"])}), len(content["root_positions"])
+        return database.clip_info(json.loads(str(content["info"]))), len(content["root_positions"])
 
 
 def _arrays(parts: Sequence[Path]) -> Iterator[ClipArrays]:

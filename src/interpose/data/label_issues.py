@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,18 +71,16 @@ def folds(database: Database, count: int) -> Int64[ndarray, "clip"]:
     fold = np.full(len(database), -1, dtype=np.int64)
     filled = np.zeros(count)
     for style in database.styles:
-        sizes: dict[str, int] = {}
-        for i, clip in enumerate(database.clips):
-            if clip.style == style:
-                sizes[names[i]] = sizes.get(names[i], 0) + int(frames[i])
+        members = [i for i, clip in enumerate(database.clips) if clip.style == style]
+        sizes: Counter[str] = Counter()
+        for i in members:
+            sizes[names[i]] += int(frames[i])
         mine = np.zeros(count)
         for name in sorted(sizes, key=lambda n: (-sizes[n], n)) if len(sizes) > 1 else ():
             chosen = min(range(count), key=lambda k: (mine[k], filled[k]))
             mine[chosen] += sizes[name]
             filled[chosen] += sizes[name]
-            for i, clip in enumerate(database.clips):
-                if clip.style == style and names[i] == name:
-                    fold[i] = chosen
+            fold[[i for i in members if names[i] == name]] = chosen
     return fold
 
 

@@ -89,16 +89,6 @@ def parse(data: bytes, name: str) -> Motion:
     """
     if not data:
         raise InputError(f"{name}: the file is empty")
-    vectors, root, rate = _contents(data, name)
-    local = rotation.from_rotation_vector(vectors)
-    local[:, 0] = rotation.multiply(_Y_UP_FROM_Z_UP, local[:, 0])
-    root = rotation.rotate(_Y_UP_FROM_Z_UP, root)
-    motion = Motion(SMPL_SKELETON, root, rotation.continuous(local), rate, layout=grounding.UnitLayout(1.0))
-    return grounding.grounded(motion, _TOES)
-
-
-def _contents(data: bytes, name: str) -> tuple[Float[ndarray, "frame 22 3"], Float[ndarray, "frame 3"], float]:
-    """Rotation vectors of the joints, ``trans``, and the frame rate."""
     archive = _load(name, lambda: np.load(io.BytesIO(data), allow_pickle=False))
     if not isinstance(archive, np.lib.npyio.NpzFile):
         raise InputError(f"{name}: a single array; give an AMASS .npz archive")
@@ -110,7 +100,12 @@ def _contents(data: bytes, name: str) -> tuple[Float[ndarray, "frame 22 3"], Flo
         root = _array(archive, "trans", name, _LARGEST_DISTANCE)
         if root.shape != (len(vectors), 3):
             raise InputError(f"{name}: 'trans' is {root.shape}, expected {(len(vectors), 3)}, a row per row of 'poses'")
-        return vectors, root, _rate(archive, name)
+        rate = _rate(archive, name)
+    local = rotation.from_rotation_vector(vectors)
+    local[:, 0] = rotation.multiply(_Y_UP_FROM_Z_UP, local[:, 0])
+    root = rotation.rotate(_Y_UP_FROM_Z_UP, root)
+    motion = Motion(SMPL_SKELETON, root, rotation.continuous(local), rate, layout=grounding.UnitLayout(1.0))
+    return grounding.grounded(motion, _TOES)
 
 
 def _rotation_vectors(archive: np.lib.npyio.NpzFile, name: str) -> Float[ndarray, "frame 22 3"]:

@@ -16,8 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.io.bvh_channels import decode
-from interpose.io.bvh_layout import BvhLayout
+from interpose.io.bvh_layout import BvhLayout, decode
 from interpose.io.bvh_text import BvhHeader, BvhText, parse_header, parse_rows
 from interpose.motion import Motion
 from interpose.skeleton import Skeleton
@@ -97,6 +96,7 @@ def _layout(source: BvhText, header: BvhHeader, metres_per_unit: float | None) -
     rows = data[time_end:]
     first_row = rows[: 2**20].lstrip().partition(source.newline.encode())[0].rstrip(b"\r")
     numbers = first_row.rstrip()
+    plain = [token for token in numbers.lower().split() if b"e" not in token]
     return BvhLayout(
         skeleton=Skeleton(tuple(header.names), tuple(header.parents), bones),
         offsets=rest,
@@ -109,11 +109,6 @@ def _layout(source: BvhText, header: BvhHeader, metres_per_unit: float | None) -
         encoding=header.encoding,
         newline="\r\n" if b"\r\n" in data[:begin] else source.newline,
         row_end=first_row[len(numbers) :].decode("ascii", "replace"),
-        decimals=_decimals(numbers),
+        decimals=min(max([6, *(len(token.partition(b".")[2]) for token in plain)]), 9),
         rows=rows,
     )
-
-
-def _decimals(row: bytes) -> int:
-    plain = [token for token in row.lower().split() if b"e" not in token]
-    return min(max([6, *(len(token.partition(b".")[2]) for token in plain)]), 9)

@@ -211,14 +211,14 @@ def parse_rows(source: BvhText, header: BvhHeader) -> Float[ndarray, "frame chan
     count = sum(map(len, header.channels))
     if not block or block.isspace():
         raise InputError(f"{source.name}: no rows follow the frame time, {header.frames} frames are declared")
-    if block.translate(None, _NUMBER_BYTES):
-        _fail_on_number(source, start)
     try:
-        values = parse_numbers(block)
+        values = None if block.translate(None, _NUMBER_BYTES) else parse_numbers(block)
     except ValueError:
-        _fail_on_number(source, start)
-    if not np.abs(values).max() <= LARGEST_NUMBER:
-        _fail_on_number(source, start)
+        values = None
+    if values is None or not np.abs(values).max() <= LARGEST_NUMBER:
+        for token in re.compile(rb"\S+").finditer(source.data, start):
+            source.number(token[0], token.start())
+        raise AssertionError("a valid number was refused")
     if values.size != header.frames * count:
         _fail_on_count(source, start, header.frames, values.size, count)
     return values.reshape(header.frames, count)
@@ -257,12 +257,6 @@ def _parse_fixed_point(block: bytes) -> Float[ndarray, "line number"] | None:
     except ValueError:
         return None
     return scaled / 10.0**decimals if np.abs(scaled).max() < 2**53 else None
-
-
-def _fail_on_number(source: BvhText, start: int) -> NoReturn:
-    for token in re.compile(rb"\S+").finditer(source.data, start):
-        source.number(token[0], token.start())
-    raise AssertionError("a valid number was refused")
 
 
 def _fail_on_count(source: BvhText, start: int, frames: int, numbers: int, count: int) -> NoReturn:

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.io.bvh_channels import decode, encode
-from interpose.io.bvh_layout import BvhLayout, default_layout
+from interpose.io.bvh_layout import BvhLayout, decode, default_layout, encode
 from interpose.io.bvh_read import rate_of
 from interpose.io.bvh_text import parse_numbers
 from interpose.motion import Motion

@@ -154,10 +154,8 @@ def draw_actors(image: Image.Image, camera: Camera, actors: Sequence[Actor]) -> 
     view, inside = depth.reshape(tall, width), covered.reshape(tall, width)
     dark = (_contours(view, inside) * _occlusion(view, inside, camera))[inside]
     colour[covered] = np.clip(_shade(normal[covered], colour[covered], camera) * dark[:, None], 0.0, 255.0)
-    corners = [(row, column) for row in range(k) for column in range(k)]
-    grid = colour.reshape(tall, width, 3)
-    bodies = sum(grid[row::k, column::k] for row, column in corners) / np.float32(k * k)
-    share = sum(inside[row::k, column::k, None].astype(np.float32) for row, column in corners) / np.float32(k * k)
+    bodies = colour.reshape(tall // k, k, width // k, k, 3).mean(axis=(1, 3))
+    share = inside.reshape(tall // k, k, width // k, k, 1).mean(axis=(1, 3), dtype=np.float32)
     image.paste(Image.fromarray(np.rint(bodies + (1.0 - share) * np.asarray(image)).astype(np.uint8)))
 
 

@@ -117,14 +117,14 @@ def hill(axes: Axes, at: Float[ndarray, "place"], top: Float[ndarray, "place"], 
 
 def title(axes: Axes, label: str, note: str, mark: str = "") -> None:
     """A panel's title with a note after it and a ``mark`` before it, above the panel."""
-    shared: dict[str, Any] = {"textcoords": "offset points", "va": "baseline"}
     after: Any = "axes fraction"
     start = 0.0
     styles = ((mark, TITLE_SIZE, "bold", TARGET), (label, TITLE_SIZE, "bold", INK), (note, TEXT_SIZE, "normal", FAINT))
     for text, size, weight, colour in styles:
         if text:
             after = axes.annotate(text, (start, 1.0), (12.0 * start, 14.0), xycoords=(after, "axes fraction"),
-                                  size=size, weight=weight, color=colour, **shared)  # fmt: skip
+                                  textcoords="offset points", va="baseline", size=size, weight=weight,
+                                  color=colour)  # fmt: skip
             start = 1.0
 
 
@@ -156,24 +156,16 @@ def arrows(
     )  # fmt: skip
 
 
-def stand(axes: Axes, place: Sequence[float], length: float, colour: str, zorder: float = 6.0) -> None:
+def stand(axes: Axes, place: Sequence[float], length: float, colour: str) -> None:
     """A character at x, z that faces yaw: a dot and an arrow with a pale outline."""
     track = np.array([place], dtype=float)
     at = seen(track)
-    arrows(axes, at, track[:, 2], length, colour, width=7.0, zorder=zorder, edgecolor=PAPER, linewidth=1.0,
-           clip_on=False)  # fmt: skip
-    axes.plot(*at.T, "o", color=colour, markersize=12.0, markeredgecolor=PAPER, markeredgewidth=1.5,
-              zorder=zorder + 0.5)  # fmt: skip
+    arrows(axes, at, track[:, 2], length, colour, width=7.0, zorder=6.0, edgecolor=PAPER, linewidth=1.0, clip_on=False)
+    axes.plot(*at.T, "o", color=colour, markersize=12.0, markeredgecolor=PAPER, markeredgewidth=1.5, zorder=6.5)
 
 
 def beside(
-    axes: Axes,
-    at: Float[ndarray, "2"],
-    angle: float,
-    label: str,
-    colour: str,
-    size: float = TEXT_SIZE,
-    gap: float = 14.0,
+    axes: Axes, at: ndarray, angle: float, label: str, colour: str, size: float = TEXT_SIZE, gap: float = 14.0
 ) -> None:
     """A label ``gap`` points away from a place, in a direction on the page."""
     direction = toward(angle)

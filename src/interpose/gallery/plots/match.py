@@ -131,10 +131,8 @@ def draw(one: Matched) -> bytes:
     )
     panels = []
     for number, (label, places) in enumerate(zip(labels, shown, strict=True)):
-        left, top = (
-            canvas.SHEET_MARGIN + (number % 2) * (wide + canvas.SHEET_MARGIN),
-            first + (number // 2) * (tall + between),
-        )
+        row, column = divmod(number, 2)
+        left, top = canvas.SHEET_MARGIN + column * (wide + canvas.SHEET_MARGIN), first + row * (tall + between)
         axes = canvas.panel(figure, left, top, wide, tall)
         middle = (places.max(axis=0) + places.min(axis=0)) / 2.0
         sides = half * np.array([-1.0, 1.0])
@@ -222,8 +220,8 @@ def _angle(axes: canvas.Axes, both: Float[ndarray, "3 2"], heading: float, angle
     """Two vectors from one origin, with the arc from the candidate's to the query's."""
     origin, ours, theirs = both
     for tip, colour, label in ((ours, canvas.INK, "query"), (theirs, canvas.FAINT, "candidate")):
-        axes.annotate("", tuple(tip), tuple(origin), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.2,
-                      "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 18.0}, zorder=3.0)  # fmt: skip
+        shape = {"arrowstyle": "-|>", "lw": 2.2, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 18.0}
+        axes.annotate("", tuple(tip), tuple(origin), arrowprops={"color": colour, **shape}, zorder=3.0)
         canvas.beside(axes, tip, float(np.arctan2(*tip[::-1])), label, colour, gap=8.0)
     axes.plot(*origin, "o", color=canvas.INK, markersize=7.0, zorder=4.0)
     radius = 0.42 * float(np.linalg.norm(ours))
