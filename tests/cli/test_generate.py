@@ -12,6 +12,7 @@ from mocap_files import amass_arrays, exponential_maps, h36m_text, npz, standing
 
 import interpose
 from interpose import rotation
+from interpose.io.registry import WRITERS, listed
 from interpose.runtime import model_folder
 from interpose.skeleton import HUMANOID
 
@@ -216,8 +217,8 @@ def test_bad_options(tmp_path, run, clip, options, said):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("out.fbx", "must end in .bvh or .glb"),
-        ("out", "must end in .bvh or .glb"),
+        ("out.fbx", f"must end in {listed(WRITERS)}"),
+        ("out", f"must end in {listed(WRITERS)}"),
         ("no/such/folder/out.bvh", "there is no folder"),
         ("folder.bvh", "is a folder"),
     ],

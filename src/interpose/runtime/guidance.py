@@ -116,6 +116,8 @@ def guide(
         straight = Guidance(steps, paths.straight(gap.query, steps), "straight")
         return _with_styles([straight] * count, request)
     made: list[Guidance] = []
+    if not request.abilities.paths:
+        path = "none"
     if gallery is not None and path == "auto" and _predicts_root(request, steps):
         made = _mixed(request, gallery, gap, steps, given, count)
     elif gallery is not None and (path == "gallery" or (path == "auto" and not request.abilities.latent_variants)):

@@ -220,9 +220,10 @@ def _transitions(
     if frames is None and drawn is None:
         suggestion = guidance.suggest_duration(request, gap or gap_of(starts[0], goal, mapping))
         suggested = _in_frames(suggestion, rate)
-    fallback = None if request.abilities.any_rig else _why_not(frames, rate, request, mapping)
+    interpolated = request.method == "interp"  # on the joints of the rig itself
+    fallback = None if interpolated else _why_not(frames, rate, request, mapping)
     guided: list[Guidance | None] = [None] * len(starts)
-    if gap is None or isinstance(mapping, str) or request.abilities.any_rig or fallback is not None:
+    if gap is None or isinstance(mapping, str) or interpolated or fallback is not None:
         if frames is None and suggested is not None and fallback is None:
             frames = _frames_at(suggested, request.speed)
         if frames is None:

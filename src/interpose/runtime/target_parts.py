@@ -95,7 +95,8 @@ def complete(
         note = None
     else:
         found = [_carried(context[-1], goal22, parts)] * count
-        named = f"method '{request.method}'" if request.model is None else f"the model '{request.model.name}'"
+        model = request.model
+        named = f"method '{request.method}'" if model is None or model.completes else f"the model '{model.name}'"
         note = f"{named} completes no partial targets; the rest of the target is as in the start pose"
     details = _details(begin, goal, parts, mapping)
     return [_ending(pose, stands, goal22, goal, parts, mapping, details, note) for pose, stands in found]

@@ -100,7 +100,6 @@ def generate(
     steps = [model_steps(n, rate) for n in frames]
     paths = [None if g.path is None else retime(g.path, n) for g, n in zip(guidance, steps, strict=True)]
     keys = _keys(starts, target, mapping)
-    assert request.model is not None
     made = request.backend.generate(
         request.model,
         batch_of(

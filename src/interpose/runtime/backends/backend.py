@@ -21,7 +21,7 @@ class Abilities:
     network completes a target of which only some joints are given; otherwise the start pose is carried along. variants:
     several candidates of one gap differ. latent_variants: they do so by their latents alone; otherwise further variants
     also take other styles and trajectories of the gallery, and long gaps are matched from it. longest_steps: from start
-    to target, None for no limit. any_rig: serves a skeleton that is no humanoid, by interpolating its own joints.
+    to target, None for no limit. any_rig: :meth:`Backend.generate` takes poses of any skeleton.
     """
 
     styles: tuple[str, ...] = ()
