@@ -225,7 +225,7 @@ class Streams:
         if not self._session.has_planner:
             return np.zeros((len(rows), LONGEST_PLAN_STEPS + 1, POSE))
         speed = self._state["velocities"][rows]
-        gap = planner.gap_inputs(start, speed, target, None, list(frames), style, [None] * len(rows))
+        gap = planner.gap_inputs(start, speed, target, None, frames.tolist(), style, [None] * len(rows))
         gap["start_known"] = self._moving[rows, None].astype(float)
         added, _ = planner.predict(self._session, gap, self._noise[rows], LONGEST_PLAN_STEPS + 1)
         return added * (frames <= LONGEST_PLAN_STEPS)[:, None, None]
