@@ -14,10 +14,10 @@ from interpose.runtime import planner, poses
 from interpose.runtime.backends import dcmoe
 from interpose.runtime.gap_batch import batch_of, draws
 from interpose.runtime.model_folder import Session
-from interpose.train.common.gaps import evenly
+from interpose.train.common.gaps import evenly, gap_input
 from interpose.train.dcmoe import validation
 from interpose.train.dcmoe.sequences import at_lone_start, base_window
-from interpose.train.planner.objective import placed, plans
+from interpose.train.planner.objective import placed, within
 
 COUNT = 4
 
@@ -58,10 +58,10 @@ def gaps(frames, steps, known=False, path=False):
 
 
 def trained_base(network, frames, drawn, steps):
-    """What training works along, (row, frame, pose)."""
-    plan, _ = plans(network.planner, frames, drawn, 0.0, torch.Generator())
+    """What training works along, (row, frame, pose), with the mirror mean of use."""
+    plan, _ = network.planner(gap_input(frames, drawn), torch.zeros(COUNT, network.planner.size.latent))
     rows = at_lone_start(frames, drawn)
-    rows.plan = plan
+    rows.plan = plan * within(drawn)
     return base_window(frames, rows, steps).transpose(0, 1).numpy(), rows
 
 

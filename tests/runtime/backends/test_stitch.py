@@ -61,7 +61,12 @@ def joints(root, local):
 
 
 def in_torch(monkeypatch, model):
-    """Sessions answer by the torch modules themselves, exactly."""
+    """Sessions answer by the torch modules themselves, exactly, and training follows the plans of use: mirror means."""
+
+    def plan_of_use(planner, data, chosen, *_):
+        return planner(gaps.gap_input(data, chosen), torch.zeros(len(chosen), planner.size.latent))[::-1]
+
+    monkeypatch.setattr(transitions, "_planned", plan_of_use)
     modules = {"front": exporting.GeneratorGraph(model.front), "back": exporting.GeneratorGraph(model.back)}
     if model.plan is not None:
         modules["plan"] = PlanGraph(model.plan)
