@@ -17,7 +17,7 @@ from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
 from interpose.skeleton import HUMANOID, MIRROR, MODEL_RATE
 
-NAMES = [name for name, value in vars(poses).items() if isinstance(value, poses.Pose)]
+NAMES = [name for name, value in vars(poses).items() if isinstance(value, poses.DemoPose)]
 
 
 class Interpolation(Model):

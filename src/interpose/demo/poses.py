@@ -39,7 +39,7 @@ _TIP = np.array([0.0, -BALL, 0.07])
 
 
 @dataclass(frozen=True)
-class Pose:
+class DemoPose:
     """angles: see above. flat: sides whose whole sole is down. ball: sides that stand on the ball of the foot."""
 
     angles: Mapping[str, Sequence[int]]
@@ -48,7 +48,7 @@ class Pose:
 
 
 _POSES = {
-    name: Pose(entry["angles"], tuple(entry["flat"]), tuple(entry["ball"]))
+    name: DemoPose(entry["angles"], tuple(entry["flat"]), tuple(entry["ball"]))
     for name, entry in json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8")).items()
 }
 STAND, WALK_LEFT, RUN_LEFT = _POSES["stand"], _POSES["walk-left"], _POSES["run-left"]
@@ -56,7 +56,7 @@ WARY, AEROPLANE, ANGRY = _POSES["wary"], _POSES["aeroplane"], _POSES["angry"]
 DRUNK, CHICKEN, KARATE = _POSES["drunk"], _POSES["chicken"], _POSES["karate"]
 
 
-def mirrored(source: Pose) -> Pose:
+def mirrored(source: DemoPose) -> DemoPose:
     """The same pose with left and right exchanged."""
     swap = {"Left": "Right", "Right": "Left"}
 
@@ -64,13 +64,13 @@ def mirrored(source: Pose) -> Pose:
         return next((swap[s] + name.removeprefix(s) for s in swap if name.startswith(s)), name)
 
     angles = {other(name): (x, -y, -z) for name, (x, y, z) in source.angles.items()}
-    return Pose(angles, tuple(swap[s] for s in source.flat), tuple(swap[s] for s in source.ball))
+    return DemoPose(angles, tuple(swap[s] for s in source.flat), tuple(swap[s] for s in source.ball))
 
 
 WALK_RIGHT = mirrored(WALK_LEFT)
 
 
-def pose(source: Pose, ground: tuple[float, float] = (0.0, 0.0), heading: float = 0.0) -> Motion:
+def pose(source: DemoPose, ground: tuple[float, float] = (0.0, 0.0), heading: float = 0.0) -> Motion:
     """One frame of the 22-joint humanoid on the floor y = 0.
 
     ``ground``: where the hips are, (x, z) metres. ``heading``: the direction it faces, degrees from +Z towards +X.
@@ -93,7 +93,7 @@ def pose(source: Pose, ground: tuple[float, float] = (0.0, 0.0), heading: float 
     return Motion(HUMANOID, root[None], local[None], MODEL_RATE)
 
 
-def _levelled(source: Pose, bends: Mapping[str, float]) -> Float[ndarray, "22 4"]:
+def _levelled(source: DemoPose, bends: Mapping[str, float]) -> Float[ndarray, "22 4"]:
     """Local rotations with each leg's bend (degrees) added, level soles and level toes where they are to be down."""
     local = np.tile(rotation.IDENTITY, (len(HUMANOID), 1))
     for name, angles in source.angles.items():

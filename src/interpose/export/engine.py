@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from interpose.export import onnx_file
 from interpose.features import CHANNELS, HISTORY, JOINTS, RATE, SIDE_KEYS, state_shapes
 from interpose.models.geometry import PARENT_INDICES, facing, joint_positions, to_matrix, to_six
-from interpose.runtime.streaming.fading import FADE
+from interpose.runtime.streaming.fading import FADE_FRAMES
 from interpose.skeleton import HUMANOID
 
 BODY_PARTS = 1 + JOINTS
@@ -141,7 +141,7 @@ class PoseGraph(nn.Module):
         change = given["change"][..., None]
         kick = torch.where(change > 1.5, went_on, changed) * (change > 0.5)
         speed = given["offset_speed"] + kick
-        left = torch.where(given["change"] > 0.5, torch.full_like(given["change"], FADE), given["offset_left"])
+        left = torch.where(given["change"] > 0.5, torch.full_like(given["change"], FADE_FRAMES), given["offset_left"])
         left = torch.minimum(left, given["frames_left"])
         time, value = left.clamp(min=1.0)[..., None], given["offset"]
         bend = -(3.0 * value + 2.0 * speed * time) / time**2

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from interpose import rotation
 
-FADE = 0.5
+FADE_SECONDS = 0.5
 """Seconds in which an offset dies away, or the whole transition where that is shorter."""
 
 
@@ -34,7 +34,7 @@ def leave(
     ``step``: seconds between the transitions' frames. The first and the last frame stay as they are.
     """
     t = np.arange(root.shape[1]) * step
-    fade = min(FADE, t[-1])
+    fade = min(FADE_SECONDS, t[-1])
     share = t * np.maximum(1.0 - t / fade, 0.0) ** 2
     speed = (root[:, 0] - before_root) / before_step - (root[:, 1] - root[:, 0]) / step
     turn = _turn(before_local, local[:, 0]) / before_step - _turn(local[:, 0], local[:, 1]) / step

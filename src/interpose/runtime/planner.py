@@ -13,16 +13,16 @@ from interpose.runtime.gap_batch import Draw, GapBatch
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path, Pose, bases
 
-TEMPERATURE = 0.6
+PLAN_TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
 
 
 def noise(draws: Sequence[Draw], shape: tuple[int, ...]) -> Float[ndarray, "batch *unit"]:
-    """Standard noise for latents of a shape, at :data:`TEMPERATURE`; zero for the likeliest motion."""
+    """Standard noise for latents of a shape, at :data:`PLAN_TEMPERATURE`; zero for the likeliest motion."""
     out = np.zeros((len(draws), *shape))
     for row, draw in enumerate(draws):
         if draw is not None:
-            out[row] = TEMPERATURE * np.random.default_rng(draw).standard_normal(shape)
+            out[row] = PLAN_TEMPERATURE * np.random.default_rng(draw).standard_normal(shape)
     return out
 
 

@@ -10,11 +10,10 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose import skeleton as kinematics
-from interpose.features import JOINTS
+from interpose.features import POSE
 from interpose.skeleton import HUMANOID
 
 PARENTS = HUMANOID.parents
-POSE = 3 + JOINTS * 6
 Path = Float[ndarray, "_ 3"]
 """The root's path on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
 _UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])

@@ -29,7 +29,7 @@ from interpose.runtime.request import Request
 from interpose.runtime.resampling import MODEL_RATE, recent
 from interpose.skeleton import HUMANOID
 
-TEMPERATURE = 0.8
+TARGET_TEMPERATURE = 0.8
 """How far variants lie from the likeliest pose, as a share of the prior's deviation."""
 SHORT = 1e-3
 """Metres: a larger miss is reported."""
@@ -149,7 +149,7 @@ def _predicted(
     noise = np.zeros((count, model.target_latent))
     for row, draw in enumerate(draws(request.seed, count)):
         if draw is not None:
-            noise[row] = TEMPERATURE * np.random.default_rng(draw).standard_normal(model.target_latent)
+            noise[row] = TARGET_TEMPERATURE * np.random.default_rng(draw).standard_normal(model.target_latent)
     one = {
         "start_hips": known.hips[-1:],
         "start_rotations": known.rotations[-1:],

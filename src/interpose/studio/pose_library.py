@@ -9,11 +9,11 @@ import numpy as np
 
 from interpose import retarget
 from interpose.demo import poses
-from interpose.demo.poses import Pose
+from interpose.demo.poses import DemoPose
 from interpose.motion import Motion, concatenate
 from interpose.studio.rigs import Clip
 
-POSES: dict[str, Pose] = {
+POSES: dict[str, DemoPose] = {
     "Stand": poses.STAND,
     "Walk, left foot": poses.WALK_LEFT,
     "Walk, right foot": poses.WALK_RIGHT,

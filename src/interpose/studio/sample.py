@@ -7,7 +7,7 @@ from functools import cache
 
 from interpose import io
 from interpose.demo import poses
-from interpose.demo.poses import Pose
+from interpose.demo.poses import DemoPose
 from interpose.motion import concatenate
 from interpose.studio.project_format import GapSettings, Project, ProjectKey, SourceFile
 
@@ -16,7 +16,7 @@ from interpose.studio.project_format import GapSettings, Project, ProjectKey, So
 class _Key:
     """A pose at a frame and a place on the ground. heading: degrees from +Z towards +X. after: the next gap."""
 
-    pose: Pose
+    pose: DemoPose
     frame: int
     ground: tuple[float, float]
     heading: float

@@ -19,7 +19,7 @@ def course(fade: fading.Fade, left: int) -> np.ndarray:
 def test_one_change_fades_as_an_inertialised_key(left):
     speed = np.random.default_rng(0).normal(size=(2, 23, 3))
     fade = fading.kicked(fading.none(2), np.array([True, True]), speed)
-    t, whole = np.arange(1, left + 1), min(left, fading.FADE)
+    t, whole = np.arange(1, left + 1), min(left, fading.FADE_FRAMES)
     share = t * np.maximum(1.0 - t / whole, 0.0) ** 2
     np.testing.assert_allclose(course(fade, left), share[:, None, None, None] * speed, atol=1e-9)
 

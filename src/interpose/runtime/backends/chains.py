@@ -8,12 +8,12 @@ from numpy import ndarray
 
 from interpose.features.stitch import shares, smoothed
 
-Frame = dict[str, ndarray]
+ChainFrame = dict[str, ndarray]
 """One frame of a chain, the network's outputs by name."""
 
 
 def joined(
-    chains: tuple[list[Frame], list[Frame]], steps: int, buffer: int, both: bool = True
+    chains: tuple[list[ChainFrame], list[ChainFrame]], steps: int, buffer: int, both: bool = True
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 turn"], Float[ndarray, "batch frame 4"]]:
     """Hips, rotations and contacts of the frames between the keys: both chains, each in the order in which it made its
     frames, blended where they overlap and smoothed there. Rotations are not yet proper again."""

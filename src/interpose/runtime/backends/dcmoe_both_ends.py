@@ -40,7 +40,7 @@ def _stitch(session: Session, batch: GapBatch) -> Generated:
     seen = [dcmoe_state.path_keys(paths, batch.longest) for paths in (batch.paths, turned_back)]
     given = np.array([[float(path is not None)] for path in batch.paths], dtype=np.float32)
     fixed = dcmoe_state.steering(session, last(goal), batch.styles, batch.style_strength) | {"path_known": given}
-    made: tuple[list[chains.Frame], list[chains.Frame]] = ([], [])
+    made: tuple[list[chains.ChainFrame], list[chains.ChainFrame]] = ([], [])
     at = [0, steps]
     for move in schedule(steps, BUFFER):
         side = int(move.backward)

@@ -17,7 +17,7 @@ from interpose.data.contacts import CONTACT_INDICES
 from interpose.features.stitch import STANDING, memory_shapes, schedule, seam
 from interpose.runtime import planner
 from interpose.runtime.backends.backend import Abilities, trained
-from interpose.runtime.backends.chains import Frame, joined
+from interpose.runtime.backends.chains import ChainFrame, joined
 from interpose.runtime.gap_batch import GapBatch, Generated, by_length
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Pose, continued, local_of, pose_of
@@ -106,7 +106,7 @@ def _refined(
     return hips, turned, contacts
 
 
-def _apart(chains: tuple[list[Frame], list[Frame]], steps: int) -> Float[ndarray, "batch"]:
+def _apart(chains: tuple[list[ChainFrame], list[ChainFrame]], steps: int) -> Float[ndarray, "batch"]:
     """The mean distance of the chains' joints in the middle frame; NaN where not both have it."""
     middle = steps // 2
     if len(chains[0]) < middle or len(chains[1]) < steps - middle or not middle:
@@ -179,7 +179,7 @@ def _chains(
     latent: Float[ndarray, "batch *unit"],
     style: Float[ndarray, "batch style"],
     steps: int,
-) -> tuple[list[Frame], list[Frame]]:
+) -> tuple[list[ChainFrame], list[ChainFrame]]:
     """The frames of both chains, each in the order in which it made them."""
     count = len(base)
     base = base.astype(np.float32)
@@ -189,7 +189,7 @@ def _chains(
     memory = [{name: np.zeros((count, *shape), dtype=np.float32) for name, shape in memories.items()} for _ in keys]
     buffer, aligned, both = session.chain_layout
     newest, at = [*keys], [0, steps]
-    made: tuple[list[Frame], list[Frame]] = ([], [])
+    made: tuple[list[ChainFrame], list[ChainFrame]] = ([], [])
     ends = seam(steps, buffer, both)
     middle, kept = ends.middle, ends.forward - ends.middle
     for number, move in enumerate(schedule(steps, buffer, aligned, both)):

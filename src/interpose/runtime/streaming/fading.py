@@ -1,7 +1,7 @@
 """Offsets of a character's pose from the network's, which keep its velocity through a change of target.
 
 Inertialisation (Bollo 2018) one frame at a time: an offset begins with the velocity that the change took away and fades
-to zero, with its first derivative, within :data:`FADE` frames or at the target. Angles are rotation vectors.
+to zero, with its first derivative, within :data:`FADE_FRAMES` frames or at the target. Angles are rotation vectors.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from interpose.features import JOINTS
 from interpose.runtime import inertia
 from interpose.runtime.resampling import MODEL_RATE
 
-FADE = inertia.FADE * MODEL_RATE
+FADE_FRAMES = inertia.FADE_SECONDS * MODEL_RATE
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ def kicked(fade: Fade, rows: Bool[ndarray, "row"], speed: Float[ndarray, "some p
     """The offsets of ``rows`` given that much more speed, and the full time to fade."""
     faster = fade.speed.copy()
     faster[rows] += speed
-    return Fade(fade.value, faster, np.where(rows, FADE, fade.left))
+    return Fade(fade.value, faster, np.where(rows, FADE_FRAMES, fade.left))
 
 
 def advanced(fade: Fade, frames_left: Float[ndarray, "row"]) -> Fade:
