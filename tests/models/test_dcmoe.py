@@ -24,7 +24,8 @@ from interpose.features import (
 from interpose.models.dcmoe import Control, DCMoE, DCMoESize, Network, State
 from interpose.models.geometry import facing, joint_positions, to_matrix
 from interpose.skeleton import HUMANOID
-from interpose.train.dcmoe.sequences import base_window, draw
+from interpose.train.common.gaps import GapSampling
+from interpose.train.dcmoe.sequences import RollOutSampling, base_window, draw
 
 BATCH = 6
 

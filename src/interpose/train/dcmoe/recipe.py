@@ -122,7 +122,7 @@ def run(
         model.compile()
     loss: nn.Module = RollOutLoss(model, data, config, group)
     if group.size > 1:
-        loss = nn.parallel.DistributedDataParallel(loss, find_unused_parameters=True)
+        loss = nn.parallel.DistributedDataParallel(loss)
 
     def update(step: int) -> Mapping[str, Tensor | float]:
         factor = loop.cosine(step, steps, config.warmup, floor=0.01) if config.warmup else 1.0
