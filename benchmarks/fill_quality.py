@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from fill_measures import fill_quality
 
 from interpose import Motion, io, load_model
-from interpose.evaluate.quality import fill_quality
 from interpose.render import SheetRow, contact_sheet
 from interpose.runtime.inbetween import fill
 from interpose.runtime.request import Request

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from unittest import mock
 
-from interpose.evaluate.run import evaluate_lafan1
+from interpose.evaluate.lafan1 import evaluate_lafan1
 from interpose.export import export, onnx_file
 
 

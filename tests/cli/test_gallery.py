@@ -220,8 +220,8 @@ def test_plot_draws_the_papers_figures(run, gallery, tmp_path):
 def test_evaluate_gallery(run, gallery, walks, model_folder, tmp_path, monkeypatch):
     from interpose.evaluate import gallery as protocol
 
-    monkeypatch.setattr(protocol, "VARIED", 1)
-    monkeypatch.setattr(protocol, "MOST", 4)
+    monkeypatch.setattr(protocol, "DIVERSITY_GAPS", 1)
+    monkeypatch.setattr(protocol, "MOST_GALLERY_GAPS", 4)
     status, said, err = run(
         "evaluate", "gallery", "--data", walks, "--gallery", gallery, "--model", model_folder, "-o", tmp_path / "out"
     )

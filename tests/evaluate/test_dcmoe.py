@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 from interpose.errors import InputError
-from interpose.evaluate import dcmoe, lafan1
-from interpose.evaluate.fill import Carrier, Contender
-from interpose.evaluate.run import Case
-from interpose.gallery.tracks import track_of
-from interpose.motion import Motion
-from interpose.retarget import map_skeleton
+from interpose.evaluate import dcmoe, windows
+from interpose.evaluate.fill import Contender, fill
 from interpose.runtime.backends.dcmoe import DCMoEBackend
 from interpose.runtime.gap_batch import Generated
-from interpose.skeleton import HUMANOID
 
 FRAMES = 8
 
@@ -27,8 +22,8 @@ def results(lafan1_like: Path, planned_folder: Path, tmp_path_factory: pytest.Te
     """What two seeds, here the same model twice, scored."""
     out = tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dcmoe, "VARIANTS", 3)
-        patch.setattr(dcmoe, "SHEETS", 2)
+        patch.setattr(dcmoe, "DCMOE_VARIANTS", 3)
+        patch.setattr(dcmoe, "SHEET_GAPS", 2)
         patch.setattr(dcmoe, "SHEET_LENGTHS", (FRAMES, 12))
         dcmoe.evaluate_dcmoe(lafan1_like, [f"a={planned_folder}", f"b={planned_folder}"], out, lengths=[FRAMES])
     return out
@@ -68,15 +63,12 @@ def test_the_model_follows_the_paths_and_draws_variants(lafan1_like: Path, plann
         return Generated(ground, np.repeat(batch.context_local, FRAMES, axis=1), np.zeros((len(batch), FRAMES, 4)))
 
     monkeypatch.setattr(DCMoEBackend, "generate", walks)
-    model = Contender("a", DCMoEBackend(), planned_session)
-    source = lafan1.read(lafan1_like)
-    carrier = Carrier(source.clips[0].skeleton, 30.0, map_skeleton(source.clips[0].skeleton))
-    case = Case(lafan1.cut(source.clips), FRAMES, source.scale)
-    inner = slice(case.start + 1, case.target)
-    root, _ = dcmoe._filled(case, carrier, model, dcmoe._true_paths(case, carrier))
-    np.testing.assert_allclose(root[..., [0, 2]], case.windows.root[:, inner][..., [0, 2]], atol=1e-6)
-    dcmoe._filled(case, carrier, model, None, 4)
-    rows = range(len(case.windows))
+    model = Contender("a", DCMoEBackend(), planned_session, context_frames=4)
+    (case,) = windows.cases(windows.read(lafan1_like), [FRAMES], 1, "dcmoe")
+    made = fill(case, model, paths=case.true_paths).motion
+    np.testing.assert_allclose(made.root[..., [0, 2]], case.truth.root[..., [0, 2]], atol=1e-6)
+    fill(case, model, seed=4)
+    rows = range(len(case))
     assert asked == [tuple(None for _ in rows), tuple((4, row) for row in rows)]
 
 
@@ -85,19 +77,13 @@ def test_gaps_are_drawn(results):
     assert not (results / "gaps-2.png").exists()
 
 
-def test_the_true_path_is_the_roots(lafan1_like: Path):
-    source = lafan1.read(lafan1_like)
-    first = source.clips[0]
-    carrier = Carrier(first.skeleton, first.rate, map_skeleton(first.skeleton))
-    windows = lafan1.cut(source.clips)
-    case = Case(windows, FRAMES, source.scale)
-    paths = dcmoe._true_paths(case, carrier)
-    root, local = carrier.onto((windows.root, windows.local))
-    keys = slice(lafan1.PAST - 1, lafan1.PAST + FRAMES + 1)
-    wanted = track_of(Motion(HUMANOID, root[2, keys], local[2, keys], first.rate))
-    np.testing.assert_allclose(paths[2], wanted, atol=1e-9)
-    assert len(windows.one(2)) == 1
-    np.testing.assert_array_equal(windows.one(2).positions[0], windows.positions[2])
+def test_the_mean_is_of_models_of_one_method(lafan1_like: Path, planned_folder: Path, tmp_path, monkeypatch):
+    monkeypatch.setattr(dcmoe, "DCMOE_VARIANTS", 1)
+    monkeypatch.setattr(dcmoe, "SHEET_GAPS", 1)
+    named = [f"dcmoe={planned_folder}", f"plan={planned_folder}"]
+    rows = dcmoe.evaluate_dcmoe(lafan1_like, named, tmp_path, lengths=[FRAMES])
+    assert {"dcmoe", "plan", "plan true path"} < {row.method for row in rows}
+    assert not any(row.method.startswith("mean") for row in rows)
 
 
 @pytest.mark.parametrize(

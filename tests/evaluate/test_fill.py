@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,15 @@ import pytest
 
 from interpose import rotation
 from interpose.errors import InputError
-from interpose.evaluate import lafan1
-from interpose.evaluate.fill import INTERP, ZERO_VELOCITY, Carrier, Contender, fill, parse, with_locked_feet
+from interpose.evaluate import windows
+from interpose.evaluate.case import Case, Windows, joined
+from interpose.evaluate.fill import INTERP, ZERO_VELOCITY, Contender, fill, parse, with_locked_feet
+from interpose.retarget import map_skeleton
 from interpose.runtime import model_folder
 from interpose.runtime.backends.dcmoe import DCMoEBackend
 from interpose.runtime.backends.interp import BACKEND as INTERPOLATION
 from interpose.runtime.feet import lock
-from interpose.runtime.gap_batch import Batch, GapBatch, Generated
+from interpose.runtime.gap_batch import GapBatch, Generated
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import continued
 from interpose.skeleton import HUMANOID
@@ -29,38 +32,43 @@ def about_x(*degrees: float) -> np.ndarray:
     return np.repeat(turned[:, None], len(HUMANOID), axis=1)
 
 
-def key(degrees: float, *root: float) -> Batch:
-    return np.array([[root or (0.0, 0.0, 0.0)]]), about_x(degrees)[None]
+def gap(frames: int, *keys: np.ndarray, root: np.ndarray | None = None) -> Case:
+    """A gap from the last but one of some key rotations (frame, joint, 4) to the last one."""
+    local = np.concatenate(keys)[None]
+    root = np.zeros((1, local.shape[1], 3)) if root is None else root[None]
+    known = local.shape[1] - 1
+    inner = Windows(HUMANOID, 30.0, np.zeros((1, frames, 3)), np.zeros((1, frames, 22, 4)))
+    recorded = Windows(HUMANOID, 30.0, root, local)
+    whole = joined(recorded.frames(slice(0, known)), inner, recorded.frame(-1))
+    return Case("any", frames, whole, known - 1, known + frames, known)
 
 
 def test_interp_is_linear_in_the_root_and_constant_in_angular_speed() -> None:
-    context = np.array([[[9.0, 9.0, 9.0], [1.0, 2.0, 3.0]]]), about_x(170.0, 10.0)[None]
-    root, local = fill(INTERP, context, key(90.0, 5.0, 2.0, -1.0), 3).motion
-    np.testing.assert_allclose(root[0], [[2.0, 2.0, 2.0], [3.0, 2.0, 1.0], [4.0, 2.0, 0.0]])
-    np.testing.assert_allclose(local[0], about_x(30.0, 50.0, 70.0))
+    root = np.array([[9.0, 9.0, 9.0], [1.0, 2.0, 3.0], [5.0, 2.0, -1.0]])
+    made = fill(gap(3, about_x(170.0, 10.0, 90.0), root=root), INTERP).motion
+    np.testing.assert_allclose(made.root[0], [[2.0, 2.0, 2.0], [3.0, 2.0, 1.0], [4.0, 2.0, 0.0]])
+    np.testing.assert_allclose(made.local[0], about_x(30.0, 50.0, 70.0))
 
 
 def test_interp_takes_the_shorter_arc_and_the_start_keys_sign() -> None:
-    root, local = key(10.0)
-    _, made = fill(INTERP, (root, -local), key(90.0), 1).motion
-    np.testing.assert_allclose(made[0], -about_x(50.0))
+    made = fill(gap(1, -about_x(10.0), about_x(90.0)), INTERP).motion
+    np.testing.assert_allclose(made.local[0], -about_x(50.0))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-6, 16.2, 16.3, 179.0])
 def test_interp_stays_a_unit_quaternion_on_both_sides_of_the_linear_threshold(degrees: float) -> None:
     # The cosine of half of 16.26 degrees is 0.99.
-    _, local = fill(INTERP, key(0.0), key(degrees), 9).motion
+    local = fill(gap(9, about_x(0.0, degrees)), INTERP).motion.local
     np.testing.assert_allclose(np.linalg.norm(local, axis=-1), 1.0)
     wanted = np.radians(degrees) * np.arange(1, 10)[:, None] / 10 * np.ones(len(HUMANOID))
     np.testing.assert_allclose(rotation.angle(local[0]), wanted, atol=1e-4)
 
 
 def test_zero_velocity_holds_the_start_key() -> None:
-    context = np.arange(12.0).reshape(2, 2, 3), np.stack([about_x(5.0, 6.0)] * 2)
-    target = np.zeros((2, 1, 3)), np.stack([about_x(90.0)] * 2)
-    root, local = fill(ZERO_VELOCITY, context, target, 4).motion
-    np.testing.assert_array_equal(root, np.repeat(context[0][:, 1:], 4, axis=1))
-    np.testing.assert_array_equal(local, np.repeat(context[1][:, 1:], 4, axis=1))
+    root = np.arange(9.0).reshape(3, 3)
+    made = fill(gap(4, about_x(5.0, 6.0, 90.0), root=root), ZERO_VELOCITY).motion
+    np.testing.assert_array_equal(made.root[0], np.repeat(root[1:2], 4, axis=0))
+    np.testing.assert_array_equal(made.local[0], np.repeat(about_x(6.0), 4, axis=0))
 
 
 def test_signs_go_on_from_the_start_key() -> None:
@@ -92,41 +100,44 @@ def contender(context_frames: int) -> Contender:
     return Contender("mine", DCMoEBackend(), model, context_frames)
 
 
-def test_a_model_is_retargeted_both_ways_and_given_what_was_requested(
-    make_clip: MakeClip, stand_in: list[GapBatch]
-) -> None:
+@pytest.fixture
+def case(make_clip: MakeClip) -> Case:
+    clip = make_clip(200)
+    return Case("any", 15, windows.cut((clip,)), 9, 25, 10, map_skeleton(clip.skeleton))
+
+
+def test_a_model_is_retargeted_both_ways_and_given_what_was_requested(case: Case, stand_in: list[GapBatch]) -> None:
     """Interpolation on the humanoid, in place of a network, comes back as the data set's own interpolation."""
-    windows = lafan1.cut((make_clip(200),))
-    start, target = (windows.root[:, :10], windows.local[:, :10]), (windows.root[:, 25:], windows.local[:, 25:])
-    drawn = [(7, row) for row in range(len(windows))]
-    carrier = Carrier.of(windows.skeleton, 30.0)
-    made = fill(contender(4), start, target, 15, carrier=carrier, styles="Angry", draws=drawn, style_strength=2.0)
-    expected = fill(INTERP, start, target, 15).motion
+    styles = ["Angry"] * len(case)
+    made = fill(case, contender(4), styles=styles, seed=7, style_strength=2.0)
+    expected = fill(case, INTERP).motion
     (batch,) = stand_in
-    assert batch.context_local.shape == (len(windows), 4, 22, 4)
-    assert (batch.styles, batch.draws, batch.style_strength) == (("Angry",) * len(windows), tuple(drawn), 2.0)
-    root, local = made.raw
-    np.testing.assert_allclose(root, expected[0], atol=1e-3)  # the humanoid's own hips lie off the line by as much
-    np.testing.assert_allclose(local, expected[1], atol=1e-4)
-    np.testing.assert_array_equal(made.chain_distance, np.full(len(windows), 0.5))
+    assert batch.context_local.shape == (len(case), 4, 22, 4)
+    assert batch.draws == tuple((7, row) for row in range(len(case)))
+    assert (batch.styles, batch.style_strength) == (tuple(styles), 2.0)
+    # the humanoid's own hips lie off the straight line by as much
+    np.testing.assert_allclose(made.raw.root, expected.root, atol=1e-3)
+    np.testing.assert_allclose(made.raw.local, expected.local, atol=1e-4)
+    np.testing.assert_array_equal(made.chain_distance, np.full(len(case), 0.5))
 
 
-def test_feet_are_locked_as_in_use(
-    make_clip: MakeClip, stand_in: list[GapBatch], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    windows = lafan1.cut((make_clip(200),))
-    keys = (windows.root[:, :1], windows.local[:, :1]), (windows.root[:, 9:10], windows.local[:, 9:10])
+def test_no_more_frames_are_known_than_the_case_has(case: Case, stand_in: list[GapBatch]) -> None:
+    fill(replace(case, known=2), contender(4))
+    assert stand_in[0].context_local.shape[1] == 2
 
+
+def test_feet_are_locked_as_in_use(case: Case, stand_in: list[GapBatch], monkeypatch: pytest.MonkeyPatch) -> None:
     def plant_batch(root: np.ndarray, local: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-        assert root.shape[1] == local.shape[1] == contacts.shape[1] == 10  # with both keys
+        assert root.shape[1] == local.shape[1] == contacts.shape[1] == 17  # with both keys
         return np.full_like(local, 0.5)
 
-    raw = Generated(windows.root[:, 1:9], windows.local[:, 1:9], np.ones((len(windows), 8, 4)))
-    assert np.abs(with_locked_feet(*keys, raw) - raw.local).max() > 1e-3
+    standing = Generated(case.truth.root, case.truth.local, np.ones((len(case), 15, 4)))
+    locked = with_locked_feet(case.windows.frame(9), case.truth, case.windows.frame(25), standing)
+    assert np.abs(locked.local - case.truth.local).max() > 1e-3
     monkeypatch.setattr(lock, "plant_batch", plant_batch)
-    made = fill(contender(1), *keys, 8)
-    assert set(np.unique(np.abs(made.motion[1]))) == {0.5}
-    assert np.abs(made.raw[1] - made.motion[1]).max() > 0.1
+    made = fill(replace(case, mapping=None), contender(1))
+    assert set(np.unique(np.abs(made.motion.local))) == {0.5}
+    assert np.abs(made.raw.local - made.motion.local).max() > 0.1
 
 
 def installed_models(folder: Path, **models: tuple[str, list[str]]) -> None:

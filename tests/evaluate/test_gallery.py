@@ -1,4 +1,4 @@
-"""What a gallery is worth, measured on gaps: known answers, and the files that are written."""
+"""How well a gallery performs on gaps: known answers, and the files that are written."""
 
 import json
 
@@ -25,19 +25,19 @@ def gaps(database):
 def test_gaps_are_centred_and_begin_facing_ahead(gaps, database):
     assert gaps.frames == 30
     assert len(gaps) == len(range(0, 119, 9)) + len(range(150, 209, 9)) + len(range(240, 329, 9))
-    np.testing.assert_allclose(gaps.root[..., ::2].mean(axis=1), 0.0, atol=1e-9)
-    np.testing.assert_allclose([way[0, 2] for way in gaps.paths], 0.0, atol=1e-6)
-    same = np.linalg.norm(np.diff(gaps.root[0], axis=0), axis=-1)
+    np.testing.assert_allclose(gaps.windows.root[..., ::2].mean(axis=1), 0.0, atol=1e-9)
+    np.testing.assert_allclose([path[0, 2] for path in gaps.true_paths], 0.0, atol=1e-6)
+    same = np.linalg.norm(np.diff(gaps.windows.root[0], axis=0), axis=-1)
     np.testing.assert_allclose(same, np.linalg.norm(np.diff(database.root_positions[:32], axis=0), axis=-1), atol=1e-5)
 
 
-def test_a_gallery_of_the_very_clips_knows_their_durations_better_than_chance(gaps, gallery):
+def test_a_gallery_of_the_very_clips_suggests_their_durations_better_than_chance(gaps, gallery):
     away = duration_errors(gaps, gallery)
     assert np.isfinite(away).all()
     assert np.median(away) < 0.6
 
 
-def test_rows_say_what_they_should(gaps, gallery, session):
+def test_rows_of_every_kind_of_path(gaps, gallery, session):
     rows = {(row.method, row.metric): row for row in case_rows(gaps, gallery, session)}
     for method in ("none", "straight", "random", "gallery", "true"):
         assert rows[method, "L2P"].value > 0.0
@@ -54,17 +54,17 @@ def test_rows_say_what_they_should(gaps, gallery, session):
 
 def test_interpolations_error_is_what_the_straight_line_leaves(gaps, gallery, session):
     rows = {(row.method, row.metric): row.value for row in case_rows(gaps, gallery, session)}
-    root = gaps.root
-    line = np.linspace(0.0, 1.0, 32)[:, None] * (root[:, -1:] - root[:, :1]) + root[:, :1]
-    hips = np.linalg.norm(root - line, axis=-1)[:, 1:-1].mean()
+    root = gaps.windows.root
+    straight = np.linspace(0.0, 1.0, 32)[:, None] * (root[:, -1:] - root[:, :1]) + root[:, :1]
+    hips = np.linalg.norm(root - straight, axis=-1)[:, 1:-1].mean()
     assert rows["interp", "ADE"] > 0.5 * hips
 
 
 def test_the_whole_command_writes_tables(database, gallery, session, tmp_path, monkeypatch):
-    monkeypatch.setattr(protocol, "VARIED", 2)
-    said = []
-    rows = evaluate_gallery(database, gallery, session, tmp_path / "out", lengths=(20, 30), progress=said.append)
-    assert len(said) == 2
+    monkeypatch.setattr(protocol, "DIVERSITY_GAPS", 2)
+    messages = []
+    rows = evaluate_gallery(database, gallery, session, tmp_path / "out", lengths=(20, 30), progress=messages.append)
+    assert len(messages) == 2
     written = json.loads((tmp_path / "out" / "results.json").read_text())
     assert len(written) == len(rows)
     text = (tmp_path / "out" / "results.md").read_text()

@@ -174,3 +174,23 @@ def test_bootstrap_is_seeded_paired_and_covers_the_mean() -> None:
 
 def test_an_interval_of_nothing_is_nan() -> None:
     assert all(math.isnan(end) for end in metrics.interval(Scores(np.zeros(3), np.zeros(3)).bootstrap()))
+
+
+def test_the_best_follows_the_window() -> None:
+    a = Scores(np.array([1.0, 4.0]), np.array([1.0, 2.0]))
+    b = Scores(np.array([3.0, 1.0]), np.array([2.0, 1.0]))
+    best = metrics.best_of_samples([{"ADE": a}, {"ADE": b}], ["ADE"])["ADE"]
+    np.testing.assert_array_equal(best.total, [1.0, 1.0])
+    np.testing.assert_array_equal(best.weight, [1.0, 1.0])
+
+
+def test_a_kink_in_the_middle_shows_as_a_seam() -> None:
+    time = np.arange(21.0)
+    smooth = np.sin(time / 5.0)
+    kinked = smooth + np.where(time > 10.0, 1.0, 0.0)
+    whole = np.zeros((2, 21, 3, 3))
+    whole[0, :, :, 0], whole[1, :, :, 0] = smooth[:, None], kinked[:, None]
+    speed, acceleration = metrics.seam(whole)
+    assert speed.total[1] / speed.weight[1] > 1.5 > speed.total[0] / speed.weight[0]
+    assert acceleration.total[1] / acceleration.weight[1] > 3.0
+    assert acceleration.total[0] / acceleration.weight[0] < 2.0

@@ -16,7 +16,7 @@ def on_lafan1(
     protocol: str, data: str, methods: str | None, model: str | None, out: str, context: int, seed: int
 ) -> int:
     from interpose.evaluate.dcmoe import evaluate_dcmoe
-    from interpose.evaluate.run import evaluate_lafan1
+    from interpose.evaluate.lafan1 import evaluate_lafan1
     from interpose.evaluate.stitch import evaluate_stitch
 
     folder, named = Path(out), (methods or DEFAULT_METHODS[protocol]).split(",")

@@ -1,31 +1,32 @@
-"""How every evaluation fills gaps: batches on any humanoid skeleton, by a method and a model, feet locked as in use."""
+"""How every evaluation fills the gaps of a case: methods with models, LaFAN1's baselines, feet locked as in use."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.errors import InputError
-from interpose.motion import Motion
-from interpose.retarget import Mapping, from_humanoid, map_skeleton, to_humanoid
-from interpose.runtime import model_folder
+from interpose.evaluate.case import Case, Windows, joined
+from interpose.runtime import guidance, model_folder
 from interpose.runtime.backends.backend import Abilities, Backend
+from interpose.runtime.backends.interp import InterpBackend
 from interpose.runtime.backends.registry import BACKENDS
 from interpose.runtime.feet import lock
-from interpose.runtime.gap_batch import Batch, Draw, GapBatch, Generated, batch_of
+from interpose.runtime.gap_batch import GapBatch, Generated, batch_of
 from interpose.runtime.methods import abilities_of, backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path, continued
-from interpose.skeleton import HUMANOID, Skeleton
+from interpose.runtime.request import Request
+from interpose.skeleton import HUMANOID
 
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """What fills the gaps of a row of a table. context_frames: that it knows before a gap."""
+    """What fills the gaps of a row of a table. context_frames: that it takes, the start key included."""
 
     name: str
     backend: Backend
@@ -39,15 +40,11 @@ class Contender:
         return found
 
 
-class BenchmarkInterp:
+class BenchmarkInterp(InterpBackend):
     """Interpolation in the exact form of LaFAN1's evaluation code: SLERP that keeps the start's sign and is linear,
     then normalised, where the cosine is above 0.99 (Harvey et al. 2020, section 5.3)."""
 
-    name = "interp"
     summary = "interpolation, as LaFAN1's evaluation code has it"
-
-    def abilities(self, model: Session | None) -> Abilities:
-        return Abilities(longest_steps=None, any_rig=True)
 
     def generate(self, model: Session | None, batch: GapBatch) -> Generated:
         t = np.arange(1, batch.longest + 1) / (batch.longest + 1)
@@ -66,14 +63,11 @@ class BenchmarkInterp:
         return Generated(hips, q / np.linalg.norm(q, axis=-1, keepdims=True), np.zeros((*hips.shape[:2], 4)))
 
 
-class ZeroVelocity:
+class ZeroVelocity(InterpBackend):
     """The start pose, held (Harvey et al. 2020, section 5.3)."""
 
     name = "zero-velocity"
     summary = "the start pose, held"
-
-    def abilities(self, model: Session | None) -> Abilities:
-        return Abilities(longest_steps=None, any_rig=True)
 
     def generate(self, model: Session | None, batch: GapBatch) -> Generated:
         root, local = (np.repeat(x[:, None], batch.longest, axis=1) for x in batch.keys[0])
@@ -84,81 +78,66 @@ INTERP, ZERO_VELOCITY = (Contender(one.name, one, context_frames=10) for one in 
 BASELINES = {one.name: one for one in (INTERP, ZERO_VELOCITY)}
 
 
-@dataclass(frozen=True)
-class Carrier:
-    """Windows carried between a data set's skeleton and the humanoid, all frames in one call."""
-
-    skeleton: Skeleton
-    rate: float
-    mapping: Mapping
-
-    @classmethod
-    def of(cls, skeleton: Skeleton, rate: float) -> Carrier:
-        """Of a data set. Raises InputError where its skeleton is no humanoid."""
-        return cls(skeleton, rate, map_skeleton(skeleton))
-
-    def onto(self, motion: Batch) -> Batch:
-        """On the humanoid."""
-        return self._carried(to_humanoid, self.skeleton, motion)
-
-    def back(self, motion: Batch) -> Batch:
-        """On the data set's skeleton."""
-        return self._carried(from_humanoid, HUMANOID, motion)
-
-    def _carried(self, across, source: Skeleton, motion: Batch) -> Batch:
-        root, local = motion
-        made = across(Motion(source, root.reshape(-1, 3), local.reshape(-1, len(source), 4), self.rate), self.mapping)
-        return made.root_positions.reshape(root.shape), made.local_rotations.reshape(*root.shape[:2], -1, 4)
-
-
 @dataclass(frozen=True, eq=False)
 class FilledGaps:
-    """The frames between the keys on the data's skeleton: with locked feet, and ``raw``, before that. chain_distance:
-    as in `interpose.runtime.gap_batch.Generated`."""
+    """The frames between the keys on the data's skeleton: with locked feet, and ``raw``, before that.
 
-    motion: Batch
-    raw: Batch
-    chain_distance: Float[ndarray, "window"] | None
+    chain_distance: as in `interpose.runtime.gap_batch.Generated`.
+    """
+
+    motion: Windows
+    raw: Windows
+    chain_distance: Float[ndarray, "window"] | None = None
 
 
 def fill(
+    case: Case,
     contender: Contender,
-    start: Batch,
-    target: Batch,
-    frames: int,
     *,
-    carrier: Carrier | None = None,
-    styles: Sequence[str | None] | str | None = None,
+    seed: int | None = None,
     paths: Sequence[Path | None] | None = None,
-    draws: Sequence[Draw] | None = None,
+    styles: Sequence[str | None] | None = None,
     style_strength: float = 1.0,
 ) -> FilledGaps:
-    """Fills gaps of ``frames`` frames from the last frames of ``start`` to the first ones of ``target``.
+    """Fills every gap of a case from the contender's own number of known frames.
 
-    carrier: to the humanoid and back, where the data is on another skeleton. Only the contender's own context frames of
-    ``start`` are seen. The signs of the quaternions go on from the start key, as they do in the data; L2Q counts on it.
+    seed: of a sample of each gap; the likeliest motion where left out. paths, styles: of each gap, None for no
+    constraint. The signs of the quaternions continue from the start key, as they do in the data, since L2Q counts on
+    it.
     """
-    known = start[0][:, -contender.context_frames :], start[1][:, -contender.context_frames :]
+    windows, frames = case.windows, case.frames
+    known = windows.frames(slice(case.start + 1 - min(contender.context_frames, case.known), case.start + 1))
+    target = windows.frame(case.target)
     if contender.abilities.any_rig:
-        made = contender.backend.generate(contender.model, batch_of(known, target, frames))
-        motion = made.root, made.local
-        return FilledGaps(motion, motion, None)
-    keys = (known, target) if carrier is None else (carrier.onto(known), carrier.onto(target))
-    batch = batch_of(*keys, frames, styles=styles, paths=paths, draws=draws, style_strength=style_strength)
+        made = contender.backend.generate(contender.model, batch_of(known.batch, target.batch, frames))
+        motion = Windows(windows.skeleton, windows.rate, made.root, made.local)
+        return FilledGaps(motion, motion)
+    keys = known.on_humanoid(case.mapping), target.on_humanoid(case.mapping)
+    draws = None if seed is None else [(seed, row) for row in range(len(case))]
+    batch = batch_of(
+        keys[0].batch, keys[1].batch, frames, styles=styles, paths=paths, draws=draws, style_strength=style_strength
+    )
     made = contender.backend.generate(contender.model, batch)
+    raw = Windows(HUMANOID, windows.rate, made.root, made.local)
 
-    def on_data(local: ndarray) -> Batch:
-        root, local = (made.root, local) if carrier is None else carrier.back((made.root, local))
-        return root, continued(start[1][:, -1], local)
+    def on_data(motion: Windows) -> Windows:
+        motion = motion.from_humanoid(case.mapping)
+        return replace(motion, local=continued(known.local[:, -1], motion.local))
 
-    return FilledGaps(on_data(with_locked_feet(*keys, made)), on_data(made.local), made.chain_distance)
+    locked = with_locked_feet(keys[0], raw, keys[1], made)
+    return FilledGaps(on_data(locked), on_data(raw), made.chain_distance)
 
 
-def with_locked_feet(start: Batch, target: Batch, made: Generated) -> Float[ndarray, "window frame 22 4"]:
-    """The local rotations of generated frames with their feet locked, as in use; start and target on the humanoid."""
-    root = np.concatenate([start[0][:, -1:], made.root, target[0][:, :1]], axis=1)
-    local = np.concatenate([start[1][:, -1:], made.local, target[1][:, :1]], axis=1)
-    return lock.plant_batch(root, local, np.pad(made.contacts, ((0, 0), (1, 1), (0, 0)), mode="edge"))[:, 1:-1]
+def with_locked_feet(known: Windows, raw: Windows, target: Windows, made: Generated) -> Windows:
+    """Generated frames with locked feet, all on the 22 joints."""
+    whole = joined(known.frame(-1), raw, target)
+    contacts = np.pad(made.contacts, ((0, 0), (1, 1), (0, 0)), mode="edge")
+    return replace(raw, local=lock.plant_batch(whole.root, whole.local, contacts)[:, 1:-1])
+
+
+def guided_paths(case: Case, request: Request) -> list[Path | None]:
+    """The path that a request takes in each gap, for the true duration."""
+    return [guidance.guide(request, gap, case.frames + 1, 1)[0].path for gap in case.gaps]
 
 
 def parse(
@@ -201,10 +180,7 @@ def benchmark_model(method: str) -> Session:
     for folder in model_folder.installed():
         loaded = model_folder.load(folder)
         data = loaded.info.get("training_data", [])
-        if (
-            data
-            and all(name.startswith("lafan1") for name in data)
-            and backend_of(method).abilities(loaded) is not None
-        ):
+        alone = data and all(name.startswith("lafan1") for name in data)
+        if alone and backend_of(method).abilities(loaded) is not None:
             return loaded
     raise InputError(f"no installed model that was trained on LaFAN1 serves '{method}'; name one as {method}=MODEL")

@@ -11,7 +11,7 @@ Foot slide is that of `interpose.data.contacts`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,6 +20,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose.data import contacts
+
+Positions = Float[ndarray, "window frame joint 3"]
+"""Global positions; of another unit than metres, results are in it, too."""
+Rotations = Float[ndarray, "window frame joint 4"]
+"""Global quaternions."""
+Toes = Float[ndarray, "window frame toe 3"]
+"""Global positions of the toes in metres, the keys included at both ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +74,7 @@ def mean(values: Float[ndarray, "window *rest"]) -> Scores:
     return Scores(flat.mean(axis=1), np.ones(len(values)))
 
 
-def l2p(
-    pred: Float[ndarray, "window frame joint 3"],
-    true: Float[ndarray, "window frame joint 3"],
-    scale: Float[ndarray, "joint 3"],
-) -> Scores:
+def l2p(pred: Positions, true: Positions, scale: Float[ndarray, "joint 3"] | float) -> Scores:
     """Norm over all joints' global positions, each coordinate divided by its standard deviation; mean over frames.
 
     ``scale`` is in the unit of the positions; the result has none.
@@ -79,19 +82,17 @@ def l2p(
     return mean(np.linalg.norm(((pred - true) / scale).reshape(*pred.shape[:2], -1), axis=-1))
 
 
-def l2q(pred: Float[ndarray, "window frame joint 4"], true: Float[ndarray, "window frame joint 4"]) -> Scores:
+def l2q(pred: Rotations, true: Rotations) -> Scores:
     """Norm over all joints' global quaternions as they stand, signs included (the official form); mean over frames."""
     return mean(np.linalg.norm((pred - true).reshape(*pred.shape[:2], -1), axis=-1))
 
 
-def align_signs(
-    pred: Float[ndarray, "window frame joint 4"], true: Float[ndarray, "window frame joint 4"]
-) -> Float[ndarray, "window frame joint 4"]:
+def align_signs(pred: Rotations, true: Rotations) -> Rotations:
     """``pred`` with each quaternion's sign chosen nearest to ``true``'s."""
     return np.where(np.sum(pred * true, axis=-1, keepdims=True) < 0.0, -pred, pred)
 
 
-def l2q_aligned(pred: Float[ndarray, "window frame joint 4"], true: Float[ndarray, "window frame joint 4"]) -> Scores:
+def l2q_aligned(pred: Rotations, true: Rotations) -> Scores:
     """:func:`l2q` of rotations instead of signed quaternions: each joint's sign in each frame is fixed first."""
     return l2q(align_signs(pred, true), true)
 
@@ -116,12 +117,12 @@ def npss(pred: Float[ndarray, "window frame *channel"], true: Float[ndarray, "wi
     return Scores(np.sum(distance * weight, axis=1), weight.sum(axis=1))
 
 
-def ade(pred: Float[ndarray, "window frame joint 3"], true: Float[ndarray, "window frame joint 3"]) -> Scores:
+def ade(pred: Positions, true: Positions) -> Scores:
     """Average displacement error: mean distance over joints and frames, in the unit of the positions (metres)."""
     return mean(np.linalg.norm(pred - true, axis=-1))
 
 
-def slde(pred: Float[ndarray, "window frame joint 3"], true: Float[ndarray, "window frame joint 3"]) -> Scores:
+def slde(pred: Positions, true: Positions) -> Scores:
     """:func:`ade` of the last generated frame only, the one before the target."""
     return ade(pred[:, -1:], true[:, -1:])
 
@@ -138,29 +139,27 @@ def apd(candidates: Float[ndarray, "candidate window frame joint 3"]) -> Scores:
     return mean(np.mean(pairs, axis=0))
 
 
-def foot_slide(toes: Float[ndarray, "window frame toe 3"]) -> Scores:
-    """Mean weighted displacement of the toes in centimetres a frame, over the samples in contact.
-
-    ``toes``: as `interpose.data.contacts.foot_slide` takes them, the keys included at both ends.
-    """
+def foot_slide(toes: Toes) -> Scores:
+    """Mean weighted displacement of the toes in centimetres a frame, over the samples in contact
+    (`interpose.data.contacts.foot_slide`)."""
     travel, samples = contacts.foot_slide(toes)
     return Scores(travel, samples.astype(float))
 
 
-def foot_slide_speed(toes: Float[ndarray, "window frame toe 3"], rate: float) -> Scores:
+def foot_slide_speed(toes: Toes, rate: float) -> Scores:
     """Mean weighted horizontal speed of the toes over all samples, in contact or not: metres a second."""
     speed = rate * np.linalg.norm(np.diff(toes[..., ::2], axis=1), axis=-1)
     return mean(speed * contacts.slide_weight(toes[:, 1:, :, 1]))
 
 
-def foot_slide_share(toes: Float[ndarray, "window frame toe 3"], rate: float) -> Scores:
+def foot_slide_share(toes: Toes, rate: float) -> Scores:
     """The share of samples in contact (toe below H) that move horizontally faster than LaFAN1's own labels allow."""
     contact = toes[:, 1:, :, 1] < contacts.SLIDE_HEIGHT
     fast = rate * np.linalg.norm(np.diff(toes[..., ::2], axis=1), axis=-1) > contacts.BENCHMARK_SPEED
     return Scores((fast & contact).sum(axis=(1, 2)).astype(float), contact.sum(axis=(1, 2)).astype(float))
 
 
-def arrival_position(pred: Float[ndarray, "window frame joint 3"], target: Float[ndarray, "window joint 3"]) -> Scores:
+def arrival_position(pred: Positions, target: Float[ndarray, "window joint 3"]) -> Scores:
     """How far from the target the transition leads: mean distance over joints, in the unit of the positions.
 
     Where it leads is the last frame carried on by one more step like the last. ``pred`` begins with the start key and
@@ -176,7 +175,7 @@ def acceleration(
     return np.linalg.norm(np.diff(positions, n=2, axis=-3), axis=-1) * rate**2
 
 
-def key_acceleration(positions: Float[ndarray, "window frame joint 3"], rate: float, start: int, target: int) -> Scores:
+def key_acceleration(positions: Positions, rate: float, start: int, target: int) -> Scores:
     """Mean acceleration over joints in the start key, the target key and their generated neighbours, m/s^2.
 
     A pop at a key shows here. ``positions`` hold the transition with true frames around it, at least one on each side.
@@ -185,19 +184,19 @@ def key_acceleration(positions: Float[ndarray, "window frame joint 3"], rate: fl
     return mean(acceleration(positions, rate)[:, frames - 1])
 
 
-def jerk_ratio(pred: Float[ndarray, "window frame joint 3"], true: Float[ndarray, "window frame joint 3"]) -> Scores:
+def jerk_ratio(pred: Positions, true: Positions) -> Scores:
     """Mean norm of the third difference over that of the truth: below one is smoother, above one shakier.
 
     Needs four frames; the transition is given with both its keys.
     """
 
-    def jerk(x: Float[ndarray, "window frame joint 3"]) -> Float[ndarray, "window"]:
+    def jerk(x: Positions) -> Float[ndarray, "window"]:
         return np.linalg.norm(np.diff(x, n=3, axis=1), axis=-1).mean(axis=(1, 2))
 
     return Scores(jerk(pred), jerk(true))
 
 
-def seam(whole: Float[ndarray, "window frame joint 3"]) -> tuple[Scores, Scores]:
+def seam(whole: Positions) -> tuple[Scores, Scores]:
     """Speed and acceleration of the joints around the middle of the gap, over those of the whole gap.
 
     ``whole``: the gap with both its keys, T intervals. The middle is the frame T // 2 and the one after it, between
@@ -212,13 +211,20 @@ def seam(whole: Float[ndarray, "window frame joint 3"]) -> tuple[Scores, Scores]
     )
 
 
-def pooled(each: Sequence[Scores]) -> Scores:
-    """The mean over several samples of the same windows, window by window."""
-    return Scores(np.mean([s.total for s in each], axis=0), np.mean([s.weight for s in each], axis=0))
+def mean_of_samples(each: Sequence[Mapping[str, Scores]]) -> dict[str, Scores]:
+    """The mean of every metric over several samples of the same windows, window by window."""
+    return {
+        name: Scores(np.mean([s[name].total for s in each], axis=0), np.mean([s[name].weight for s in each], axis=0))
+        for name in each[0]
+    }
 
 
-def best(each: Sequence[Scores]) -> Scores:
-    """Each window's smallest of several samples."""
+def best_of_samples(each: Sequence[Mapping[str, Scores]], names: Sequence[str]) -> dict[str, Scores]:
+    """The smallest value of every named metric among several samples, window by window."""
+    return {name: _best([one[name] for one in each]) for name in names}
+
+
+def _best(each: Sequence[Scores]) -> Scores:
     totals = np.stack([s.total for s in each])
     weights = np.stack([s.weight for s in each])
     ratio = np.divide(totals, weights, out=np.full_like(totals, np.inf), where=weights > 0.0)

@@ -1,12 +1,14 @@
+"""The benchmark of filled clips: kept keys, pops and foot slide, `benchmarks/fill_measures.py`."""
+
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fill_measures import around_keys, fill_quality
 
 from interpose.errors import InputError
-from interpose.evaluate.quality import around_keys, fill_quality
 from interpose.motion import Motion
 from interpose.skeleton import HUMANOID
 

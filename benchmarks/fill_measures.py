@@ -1,8 +1,8 @@
-"""How good a filled clip is to look at: whether its keys are kept, whether it pops at them, and how far feet slide.
+"""Measures of a filled clip: whether its keys are kept, whether it pops at them, and how far its feet slide.
 
-Pops are judged against the clip's own motion: the acceleration around a key (mean over joints of the second difference)
-is compared with that of every frame of the clip. Feet are judged on the humanoid that the clip is retargeted to, so
-that any rig has toes and a floor; see `interpose.evaluate.metrics` for the formula.
+A pop is an acceleration around a key (mean over joints of the second difference) above that of every frame of the clip.
+Foot slide is measured on the humanoid that the clip is retargeted to, so that any rig has toes and a floor; see
+`interpose.evaluate.metrics` for the formula.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose import retarget
 from interpose.errors import InputError
 from interpose.evaluate import metrics
 from interpose.motion import Motion
@@ -50,8 +51,6 @@ def fill_quality(clip: Motion, filled: Motion, keys: Sequence[int]) -> FillQuali
 
     Raises InputError where the two do not fit, where there is no gap, or where the clip is no humanoid.
     """
-    from interpose import retarget
-
     count = len(clip)
     if filled.skeleton.names != clip.skeleton.names or len(filled) != count:
         raise InputError(f"the filled clip has {len(filled)} frames, the clip {count}; both must share rig and frames")
