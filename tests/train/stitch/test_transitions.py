@@ -33,10 +33,11 @@ def test_a_gap_is_made_the_same_everywhere(stitch_network, paper_network, frames
     model, config = (stitch_network, CONFIG) if form == "yaw" else (paper_network, PAPER)
     there = Elsewhere()
     rule = replace(KNOWN, velocity=0.0) if form == "paper" else KNOWN
-    some = drawn(frames, 6, 12, rule)
     moved = there.frames(frames)
     noise = torch.randn(6, model.size.latent, generator=torch.Generator().manual_seed(1))
-    (one, true, _), (other, turned, _) = (make(model, data, some, config, noise=noise) for data in (frames, moved))
+    (one, true, _), (other, turned, _) = (
+        make(model, data, drawn(data, 6, 12, rule), config, noise=noise) for data in (frames, moved)
+    )
     same = (lambda x: x) if form == "paper" else there.point  # the paper's form is in the start's own frame
     torch.testing.assert_close(turned.positions, same(true.positions), atol=1e-4, rtol=0)
     torch.testing.assert_close(other.positions, same(one.positions), atol=5e-3, rtol=0)
