@@ -213,7 +213,7 @@ def test_training_is_reached(tmp_path, run, clips):
         "--phases is for dcmoe; it is not valid for pae",
     )
     none = "--data", tmp_path / "none", "-o", tmp_path / "run"
-    fails(run("train", "stitch", *none), "none")
+    fails(run("train", "stitch", *none), "give --plan RUN, a run of 'interpose train plan'")
     fails(run("train", "stitch", *none, "--without", "w/o nothing"), "no ablation 'w/o nothing'")
     fails(run("train", "dcmoe", *none, "--without", "w/o BS"), "--without is for stitch")
     fails(run("train", "detail", *none), "give a finished run of 'interpose train stitch' to refine")

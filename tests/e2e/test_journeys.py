@@ -429,7 +429,7 @@ def test_a_server_that_was_started_again_is_found_again(
     settle(page)
     expect(page.get_by_test_id("name")).to_contain_text("walk")
     server.stop()
-    expect(page.get_by_test_id("connection")).to_contain_text("lost")
+    expect(page.get_by_test_id("connection")).to_contain_text("Disconnected")
     add_key(page, 45)
     page.get_by_test_id("gap-45").click()
     page.get_by_test_id("generate").click()

@@ -57,7 +57,7 @@ def test_the_model_follows_the_paths_and_draws_variants(lafan1_like: Path, plann
         asked.append(batch.draws)
         assert batch.context_root.shape[1] == 1
         ground = np.zeros((len(batch), FRAMES, 3))
-        if None not in batch.paths:
+        if all(path is not None for path in batch.paths):
             ground = np.stack([path[1:-1, [0, 0, 1]] for path in batch.paths])
         ground[..., 1] = batch.context_root[:, :, 1]
         return Generated(ground, np.repeat(batch.context_local, FRAMES, axis=1), np.zeros((len(batch), FRAMES, 4)))

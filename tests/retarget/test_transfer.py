@@ -10,6 +10,7 @@ from retarget.characters import RIGS, Rig, about, build, random_motion, repose
 
 from interpose import rotation
 from interpose.errors import InputError
+from interpose.io.grounding import UnitLayout
 from interpose.motion import Motion
 from interpose.retarget import from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID, Skeleton
@@ -224,12 +225,13 @@ def animated(motion: Motion, seed: int) -> Motion:
 
 
 def test_the_result_keeps_rate_and_layout() -> None:
-    motion = replace(random_motion(build(RIGS[1]), 2), rate=60.0, layout="as in the file")
+    layout = UnitLayout(0.01)
+    motion = replace(random_motion(build(RIGS[1]), 2), rate=60.0, layout=layout)
     mapping = map_skeleton(motion)
     there = to_humanoid(motion, mapping)
     assert (there.rate, there.layout) == (60.0, None)
     back = from_humanoid(there, mapping, like=motion[0])
-    assert (back.rate, back.layout, len(back)) == (60.0, "as in the file", len(motion))
+    assert (back.rate, back.layout, len(back)) == (60.0, layout, len(motion))
 
 
 def test_motions_of_another_skeleton_are_refused() -> None:

@@ -13,9 +13,11 @@ from commandline import bvh_text, fails
 import interpose
 from interpose.cli import main
 from interpose.evaluate import fill
+from interpose.evaluate.case import Case, Windows
 from interpose.runtime import methods, model_folder
 from interpose.runtime.backends.backend import Backend
 from interpose.runtime.backends.registry import BACKENDS
+from interpose.skeleton import HUMANOID
 
 TOY = '''
     """Method `toy`: a straight line that rises in the middle."""
@@ -102,15 +104,16 @@ def test_an_evaluation_takes_it(toy):
     (named,), (labelled,) = fill.parse(["toy"]), fill.parse([f"mine={toy}"])
     assert (named.name, labelled.name) == ("toy", "mine")
     assert named.backend is labelled.backend is methods.backend_of("toy")
-    key = np.zeros((1, 1, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (1, 1, 22, 1))
-    root, _ = fill.fill(named, key, key, 3).motion
-    np.testing.assert_allclose(root[0, :, 1], 0.5 * np.sin(np.pi * np.array([0.25, 0.5, 0.75])), atol=1e-9)
+    still = Windows(HUMANOID, 30.0, np.zeros((1, 5, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (1, 5, 22, 1)))
+    made = fill.fill(Case("toy", 3, still, start=0, target=4), named).motion
+    np.testing.assert_allclose(made.root[0, :, 1], 0.5 * np.sin(np.pi * np.array([0.25, 0.5, 0.75])), atol=1e-9)
 
 
 def test_help_lists_it():
     """In a process of its own, since options are declared when their module is imported."""
     code = """
 from interpose.runtime.backends.registry import BACKENDS
+from interpose.skeleton import HUMANOID
 BACKENDS["toy"] = "toy_method:BACKEND"
 from interpose.cli import main
 main(["between", "--help"])

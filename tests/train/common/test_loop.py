@@ -192,7 +192,7 @@ def test_a_signal_writes_a_checkpoint_and_says_how_to_go_on(tmp_path: Path, numb
 import os, torch
 from dataclasses import dataclass
 from pathlib import Path
-from interpose.train import loop
+from interpose.train.common import loop
 from interpose.train.common.checkpoint import TrainingState
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def step(number):
         os.kill(os.getpid(), {int(number)})
     return {{"loss": 1.0}}
 
-print(loop.run(Path({str(tmp_path)!r}), Config(), State({{}}), 10, step))
+print(loop.run(Path({str(tmp_path)!r}), Config(), TrainingState({{}}), 10, step))
 """
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False)

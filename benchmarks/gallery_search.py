@@ -1,6 +1,6 @@
 """What a gallery costs: its size, how long it takes to build and to ask, beside the plain full scan.
 
-    python benchmarks/gallery.py DB [--queries N] [--scans N]
+    python benchmarks/gallery_search.py DB [--queries N] [--scans N]
 
 DB is a prepared database. Queries are random: 0.1 to 10 m, facings anywhere or (every other one) near the way's own,
 the 64 best of a threshold of 40 degrees. *Direct* is one search of the index. *Composed* is Algorithm 1 from where the
