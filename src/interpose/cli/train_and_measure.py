@@ -160,7 +160,7 @@ def evaluate(
         seed: Random seed of the bootstrap and of the models' samples.
         gallery: For gallery: a gallery's folder or a model's name; the model's own where left out.
         part: For gallery: held-out takes only the ends of the clips that trainings hold out; all where left out.
-            For style: all judges by the halves of all clips, where the classifier otherwise learns from those ends.
+            For style: all tests on the halves of all clips, where the classifier otherwise learns from those ends.
         strength: For style: the style strengths to measure, separated by commas.
     """
     from interpose.cli import evaluation

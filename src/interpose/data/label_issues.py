@@ -1,6 +1,6 @@
 """Frames of a database whose style label is probably wrong: what confident learning needs besides the networks.
 
-The DC-MoE paper distils LaFAN1 in this manner (section 5.1). `interpose.train.style.labels` judges the windows. The
+The DC-MoE paper distils LaFAN1 in this manner (section 5.1). `interpose.train.style.labels` labels the windows. The
 result is ``labels-kept.npz`` in the database's folder; frames that it drops are trained without a style.
 """
 

@@ -1,6 +1,6 @@
 """`interpose labels`: confident learning on a database's style labels (Chu and Yang 2024, section 5.1).
 
-Windows of two seconds, five folds of whole recordings, a small network trained on four of them that judges the fifth;
+Windows of two seconds, five folds of whole recordings, a small network trained on four of them that labels the fifth;
 cleanlab (Northcutt et al. 2021) finds the labels that its probabilities contradict (docs/training.md).
 """
 
