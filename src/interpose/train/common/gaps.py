@@ -44,7 +44,8 @@ class GapSampling:
 
     shortest, longest: steps from start to target. skew: above 1 short gaps are drawn more often. far: of gaps beyond
     ``longest``, up to :data:`FARTHEST_STEPS`. path: the true path is given. velocity: known, at each key by itself.
-    mixed_keys: the keys' upper bodies are those of other clips (see :func:`true_poses`).
+    mixed_keys: the keys' upper bodies are those of other clips (see :func:`true_poses`). balanced: starts are drawn by
+    the frames' weights (`interpose.train.common.frames.balance`), not evenly.
     """
 
     shortest: int = 2
@@ -55,6 +56,7 @@ class GapSampling:
     velocity: float = 0.4
     style_dropout: float = 0.3
     mixed_keys: float = 0.0
+    balanced: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,11 @@ def draw(
     if steps is None:
         reach = torch.where(uniform(count) < rule.far, FARTHEST_STEPS, rule.longest)
         total = rule.shortest + (uniform(count) ** rule.skew * (reach - rule.shortest + 1)).long()
-        start = (uniform(count) * len(data)).long()
+        if rule.balanced:
+            reached = data.weight.double().cumsum(0)
+            start = torch.searchsorted(reached, uniform(count).double() * reached[-1]).clamp_max(len(data) - 1)
+        else:
+            start = (uniform(count) * len(data)).long()
         start = torch.maximum(torch.minimum(start, data.last[start] - total), data.first[start])
         total = torch.minimum(total, data.last[start] - start).clamp_min(1)
     else:

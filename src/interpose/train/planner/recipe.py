@@ -19,7 +19,7 @@ from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
 from interpose.train.common.frames import Frames
 from interpose.train.common.gaps import Gaps, draw
-from interpose.train.common.optimize import descend, scalars
+from interpose.train.common.optimize import adamw, descend, scalars
 from interpose.train.common.parallel import ALONE, Group, processes
 from interpose.train.planner import objective
 from interpose.train.planner.config import PRESETS, PlannerConfig
@@ -65,7 +65,7 @@ def run(
     planner.half_products = config.half
     generator = torch.Generator(device).manual_seed(config.seed)
     objective.set_statistics(planner, data, config.sampling, generator)
-    optimizer = torch.optim.AdamW(planner.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    optimizer = adamw(planner.parameters(), config.learning_rate, config.weight_decay)
     average = loop.moving_average(planner, config.average)
     state = checkpoint.TrainingState({"model": planner, "optimizer": optimizer, "ema": average}, {"rows": generator})
     mine = group.share(config.rows)
