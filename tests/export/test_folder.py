@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from interpose import export as exporting
-from interpose.cli import training
+from interpose.cli import train_and_measure
 from interpose.errors import InputError
 from interpose.export import dcmoe, onnx_file, stitch
 from interpose.export.folder import check_place
@@ -31,12 +31,14 @@ def train(database, tmp_path, monkeypatch):
     np.save(phases, learning.phases_of(database).astype(np.float16))
 
     def train(network, name, settings, plan=None, **more):
-        own = training.RecipeOptions(
-            plan=None if plan is None else str(tmp_path / plan), phases=[str(phases)] if network == "dcmoe" else ()
-        )
         out = tmp_path / name
-        rest = {"minutes": None, "device": "cpu", "seed": None, "options": own} | more
-        assert training.train(network, [str(database.path)], str(out), "tiny", settings, **rest) == 0
+        more |= {"plan": None if plan is None else str(tmp_path / plan)}
+        more |= {"phases": (str(phases),) if network == "dcmoe" else ()}
+        data = (str(database.path),)
+        done = train_and_measure.train(
+            network, data=data, out=str(out), preset="tiny", config=settings, device="cpu", **more
+        )
+        assert done == 0
         return checkpoint.load(out)
 
     return train

@@ -11,7 +11,7 @@ import pytest
 
 import interpose
 from interpose.cli import main
-from interpose.cli.output import output_paths
+from interpose.cli.generate import output_paths
 from interpose.errors import InputError
 from interpose.io import registry
 from interpose.io.registry import WRITERS, Format, listed, readable, reader_of, writer_of

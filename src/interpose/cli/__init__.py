@@ -54,10 +54,11 @@ def _run(arguments: list[str]) -> int:
     prog, described = "interpose", _DESCRIPTION
     called = {name: getattr(module, name) for module, names in _groups() for name in names}
     if arguments[0] == "gallery":
-        make_motion = _groups()[0][0]
-        prog, described, arguments = "interpose gallery", make_motion.gallery.__doc__ or "", arguments[1:]
-        called = {name: getattr(make_motion, f"gallery_{name}") for name in ("build", "query", "plot", "generate")}
-        described = described.partition("\n")[0]
+        from interpose.cli import gallery
+
+        described = (called["gallery"].__doc__ or "").partition("\n")[0]
+        called = {name: getattr(gallery, name) for name in ("build", "query", "plot", "generate")}
+        prog, arguments = "interpose gallery", arguments[1:]
     try:
         status = tyro.extras.subcommand_cli_from_dict(
             called,

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from json import dumps
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from tyro.conf import Positional, arg
 
 from interpose import retarget
 from interpose.cli.inputs import gallery_of, pose
-from interpose.data import database
+from interpose.cli.options import OutFolder, unset
+from interpose.data.database import load
 from interpose.errors import InputError
 from interpose.features import RATE
 from interpose.gallery import plots, proposals, store
 from interpose.gallery.matching import Query
 from interpose.gallery.proposals import PathRequest, Proposal
 from interpose.gallery.speeds import Suggestion
-from interpose.gallery.store import Gallery
 from interpose.gallery.tracks import posture_of, track_of
 from interpose.gallery.weighing import NOTHING_KNOWN, EndStates
 from interpose.motion import Motion
@@ -34,8 +35,20 @@ from interpose.runtime import model_folder, model_gallery
 _PLACE = re.compile(r"[^,:]+,[^,:]+,[^,:]+")
 
 
-def build(source: str, out: str, part: str) -> int:
-    loaded = database.load(source)
+def build(
+    database: Annotated[Positional[str], arg(metavar="DB")],
+    /,
+    out: OutFolder,
+    part: Literal["all", "train"] = "all",
+) -> int:
+    """Index every stretch of 15 to 150 frames of a prepared database, and its mirror image, as a trajectory to match.
+
+    Args:
+        database: From `interpose prepare`.
+        out: The gallery's folder.
+        part: train leaves out the ends of the clips that trainings hold out.
+    """
+    loaded = load(database)
     with _progress("indexing", "windows") as report:
         made = store.build(loaded, Path(out), part, report)
     info = made.info
@@ -47,10 +60,23 @@ def build(source: str, out: str, part: str) -> int:
     return 0
 
 
-def generate(source: str, model: str, frames: int, seed: int) -> int:
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
-    chosen, loaded = model_folder.load(model), database.load(source)
+def generate(
+    database: Annotated[Positional[str], arg(metavar="DB")],
+    /,
+    model: Annotated[str, arg(metavar="NAME|DIR")],
+    frames: Annotated[int, arg(metavar="N")] = 18_000,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Give a model a gallery of its own motion, which can be bundled with it: no frame of the database is in it.
+
+    Args:
+        database: From `interpose prepare`; key poses are taken from it.
+        model: An installed model or a model's folder; its gallery.npz is replaced.
+        frames: Frames of motion to generate, over all styles of the database.
+        seed: Random seed; the same seed gives the same gallery.
+    """
+    _check_seed(seed)
+    chosen, loaded = model_folder.load(model), load(database)
     with _progress("generating", "gaps a chain") as report:
         made = model_gallery.add_gallery(chosen, loaded, frames, seed, report)
     frames, windows = len(made.tracks), len(made.index)
@@ -60,41 +86,76 @@ def generate(source: str, model: str, frames: int, seed: int) -> int:
 
 
 def query(
-    name: str,
-    poses: tuple[str, str],
-    request: tuple[int | None, str | None, str | None],
-    count: int,
-    seed: int,
-    as_json: bool,
+    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
+    start: Annotated[Positional[str], arg(metavar="START")],
+    target: Annotated[Positional[str], arg(metavar="TARGET")],
+    /,
+    frames: Annotated[int | None, unset("N")] = None,
+    speed: Annotated[str | None, unset("fast|medium|slow")] = None,
+    style: Annotated[str | None, unset("NAME")] = None,
+    count: Annotated[int, arg(metavar="K")] = 7,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    json: bool = False,
 ) -> int:
+    """Suggest durations and matching trajectories between two poses.
+
+    Args:
+        gallery: A gallery's folder, a gallery.npz, or a model's name.
+        start: FILE or FILE:FRAME as for `between`, or a place X,Z,DEG: metres on the ground, facing about +Y from +Z.
+        target: Likewise.
+        frames: Frames between the two at 30 Hz; as many as suggested where left out.
+        speed: In place of frames.
+        style: One of the gallery's; any where left out.
+        count: Number of different trajectories.
+        seed: Random seed; the same seed gives the same answer.
+        json: Print one JSON object.
+    """
     if not 1 <= count <= 100:
         raise InputError(f"--count must be 1 to 100, got {count}")
-    if seed < 0:
-        raise InputError(f"--seed must be 0 or more, got {seed}")
-    gallery = gallery_of(name)
-    wanted, ends = _query(*poses)
-    frames, speed, style = request
+    _check_seed(seed)
+    chosen = gallery_of(gallery)
+    wanted, ends = _query(start, target)
     steps = None if frames is None else frames + 1
-    info = proposals.suggestion(gallery, wanted, ends, style, seed)
-    found = proposals.propose(gallery, wanted, PathRequest(steps, speed, style), ends, count=count, seed=seed)
-    rows = [_row(gallery, one) for one in found]
-    if as_json:
-        start, target = list(wanted.start), list(wanted.target)
+    info = proposals.suggestion(chosen, wanted, ends, style, seed)
+    found = proposals.propose(chosen, wanted, PathRequest(steps, speed, style), ends, count=count, seed=seed)
+    rows = [_row(one) for one in found]
+    if json:
         others = [{"speed": g.speed, "frames": g.steps - 1, "fit": round(g.fit, 3)} for g in info.groups]
         suggested = {"frames": info.steps - 1, "alternatives": others}
-        whole = {"start": start, "target": target, "suggested": suggested, "found": rows}
-        print(json.dumps(whole, ensure_ascii=False))
+        whole = {"start": list(wanted.start), "target": list(wanted.target), "suggested": suggested, "found": rows}
+        print(dumps(whole, ensure_ascii=False))
         return 0
     _print(wanted, info, rows)
     return 0
 
 
-def plot(name: str, out: str, style: str | None, distance: float, seed: int) -> int:
+def plot(
+    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
+    /,
+    out: OutFolder,
+    style: Annotated[str | None, unset("NAME")] = None,
+    distance: Annotated[float, arg(metavar="M")] = 2.0,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Draw the paper's figures 3, 4 and 6: paths for four turns, distances by style, a match step by step.
+
+    Args:
+        gallery: A gallery's folder, a gallery.npz, or a model's name.
+        out: The folder for the figures.
+        style: Of the paths and the match; any where left out.
+        distance: Metres from start to target of the paths.
+        seed: Random seed; the same seed gives the same figures.
+    """
     if not 0.1 <= distance <= 100.0:
         raise InputError(f"--distance must be 0.1 to 100 m, got {distance:g}")
-    for path in plots.plot(gallery_of(name), Path(out), style=style, distance=distance, seed=seed):
+    for path in plots.plot(gallery_of(gallery), Path(out), style=style, distance=distance, seed=seed):
         print(f"wrote {path}", file=sys.stderr)
     return 0
+
+
+def _check_seed(seed: int) -> None:
+    if seed < 0:
+        raise InputError(f"--seed must be 0 or more, got {seed}")
 
 
 def _query(start: str, target: str) -> tuple[Query, EndStates]:
@@ -105,7 +166,7 @@ def _query(start: str, target: str) -> tuple[Query, EndStates]:
         raise InputError("give two poses of files, or two places X,Z,DEG, not one of each")
     keys: list[Motion] = []
     for text, default in ((start, -1), (target, 0)):
-        motion = pose(text, default).pose
+        motion, _, _ = pose(text, default)
         keys.append(retarget.to_humanoid(motion, retarget.map_skeleton(motion)))
     a, b = (track_of(key)[0].tolist() for key in keys)
     return Query((a[0], a[1], a[2]), (b[0], b[1], b[2])), EndStates((posture_of(keys[0])[0], posture_of(keys[1])[0]))
@@ -119,7 +180,7 @@ def _place(text: str) -> tuple[float, float, float]:
     return x, z, float(np.radians(degrees))
 
 
-def _row(gallery: Gallery, one: Proposal) -> dict[str, Any]:
+def _row(one: Proposal) -> dict[str, Any]:
     """A trajectory as printed; `path` has x, z, yaw of every frame."""
     return {
         "frames": one.steps - 1,

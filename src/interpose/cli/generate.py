@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -12,9 +14,9 @@ from interpose import io, parts
 from interpose import keys as key_text
 from interpose.cli.inputs import gallery_of, named_pose, pose
 from interpose.cli.options import Options
-from interpose.cli.output import output_paths, write_all
 from interpose.drawn_path import path_file
 from interpose.errors import InputError
+from interpose.io.registry import writer_of
 from interpose.motion import Motion, concatenate
 from interpose.runtime import inbetween, methods
 from interpose.runtime.info import Info
@@ -36,20 +38,20 @@ def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
 def between(start: str, target: str, frames: int | None, options: Options, target_joints: str | None = None) -> int:
     paths = _outputs(options, named_pose(start)[0], named_pose(target)[0])
     given = None if target_joints is None else parts.parse(target_joints)
-    first, last = pose(start, -1), pose(target, 0)
+    (first, file, frame), (last, target_file, target_frame) = pose(start, -1), pose(target, 0)
     made = inbetween.inbetween(
-        first.pose,
-        last.pose,
+        first,
+        last,
         frames,
         _request(options, frames is None, given),
         variants=options.variants,
-        names=(f"{first.file}:{first.frame}", f"{last.file}:{last.frame}"),
+        names=(f"{file}:{frame}", f"{target_file}:{target_frame}"),
     )
-    layout, fits = first.pose.layout, False
+    layout, fits = first.layout, False
     if layout is not None:
-        layout, fits = layout.joined(first.frame, last.pose.layout, last.frame)
+        layout, fits = layout.joined(frame, last.layout, target_frame)
     fits &= all(c.target is None for c in made)
-    keys = aligned(replace(first.pose, layout=layout), last.pose)
+    keys = aligned(replace(first, layout=layout), last)
     ends = [keys[1] if c.target is None else aligned(keys[0], c.target)[1] for c in made]
     whole = [concatenate(keys[0], aligned(keys[0], c.motion)[1], end) for c, end in zip(made, ends, strict=True)]
     _write(paths, whole, [{0: 0, len(one) - 1: 1} if fits else {0: 0} for one in whole])
@@ -61,6 +63,27 @@ def _outputs(options: Options, *inputs: str) -> list[Path]:
     if not 1 <= options.variants <= 100:
         raise InputError(f"--variants must be 1 to 100, got {options.variants}")
     return output_paths(options.out, options.variants, () if options.force else inputs)
+
+
+def output_paths(out: str, variants: int, inputs: Sequence[str] = ()) -> list[Path]:
+    """OUT.bvh for one variant, OUT-1.bvh, OUT-2.bvh, … for several.
+
+    Raises InputError, before anything is generated, where the suffix is not known, the folder cannot be written to, or
+    a file is one of the ``inputs``.
+    """
+    path = Path(out)
+    writer_of(out)
+    if not path.parent.is_dir():
+        raise InputError(f"{out}: there is no folder {path.parent}; create it first")
+    paths = [path] if variants == 1 else [path.with_stem(f"{path.stem}-{i}") for i in range(1, variants + 1)]
+    for each in paths:
+        if each.is_dir():
+            raise InputError(f"{each} is a folder; name a file")
+        if each.exists() and any(Path(name).exists() and each.samefile(name) for name in inputs):
+            raise InputError(f"{each} is one of the inputs; name another file, or overwrite it with --force")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{out}: the folder {path.parent} cannot be written to")
+    return paths
 
 
 def _request(options: Options, untimed: bool, given: parts.Parts | None = None) -> Request:
@@ -85,7 +108,23 @@ def _request(options: Options, untimed: bool, given: parts.Parts | None = None) 
 
 
 def _write(paths: Sequence[Path], motions: Sequence[Motion], unchanged_rows: Sequence[dict[int, int]]) -> None:
-    write_all(paths, lambda i, path: io.write(path, motions[i], unchanged_rows[i]))
+    """All files or none: temporaries beside them are renamed at the end."""
+    if len(paths) == 1:
+        io.write(paths[0], motions[0], unchanged_rows[0])
+        return
+    temporaries = [p.with_name(f".{p.stem}.{os.getpid()}{p.suffix}") for p in paths]
+    try:
+        for temporary, path, motion, rows in zip(temporaries, paths, motions, unchanged_rows, strict=True):
+            try:
+                io.write(temporary, motion, rows)
+            except InputError as error:
+                raise InputError(str(error).replace(str(temporary), str(path))) from error
+        for temporary, path in zip(temporaries, paths, strict=True):
+            os.replace(temporary, path)
+    finally:
+        for temporary in temporaries:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 def _report(paths: Sequence[Path], infos: Sequence[Sequence[Info]], as_json: bool) -> None:

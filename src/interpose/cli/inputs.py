@@ -1,11 +1,8 @@
-"""What commands take by name: poses of files, galleries, and modules of the extra `train`."""
+"""What commands take by name: poses of files, and galleries."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from interpose import io
 from interpose import keys as key_text
@@ -14,24 +11,13 @@ from interpose.gallery import store
 from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 
-_EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
 
-
-@dataclass(frozen=True, eq=False)
-class FilePose:
-    """A frame of a file."""
-
-    pose: Motion
-    file: str
-    frame: int
-
-
-def pose(text: str, default: int) -> FilePose:
-    """FILE or FILE:FRAME; ``default`` is the frame where none is named."""
+def pose(text: str, default: int) -> tuple[Motion, str, int]:
+    """FILE or FILE:FRAME: the pose, its file and its frame. ``default`` is the frame where none is named."""
     name, frame = named_pose(text)
     clip = io.read(name)
     number = key_text.frame_in_clip(default if frame is None else frame, len(clip), name)
-    return FilePose(clip[number], name, number)
+    return clip[number], name, number
 
 
 def named_pose(text: str) -> tuple[str, int | None]:
@@ -56,13 +42,3 @@ def gallery_of(name: str) -> Gallery:
     if found is None:
         raise InputError(f"the model '{name}' has no gallery; make one with 'interpose gallery build'")
     return found
-
-
-def of_extra(name: str) -> ModuleType:
-    """A module that needs the extra `train`; InputError where the extra is not installed."""
-    try:
-        return import_module(name)
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] in _EXTRA:
-            raise InputError(f"{error.name} is not installed; install it with pip install 'interpose[train]'") from None
-        raise

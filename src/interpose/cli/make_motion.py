@@ -1,9 +1,9 @@
-"""Options and help of the commands that make motion; the modules beside do the work, imported when a command runs."""
+"""The commands that make motion; the modules beside do the work, imported when a command runs."""
 
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
@@ -129,96 +129,6 @@ def gallery(argument: Annotated[Positional[str], arg(metavar="build|query|plot|g
     """
     print(f"interpose gallery: there is no '{argument}'; use build, query, plot or generate", file=sys.stderr)
     return 2
-
-
-def gallery_build(
-    database: Annotated[Positional[str], arg(metavar="DB")],
-    /,
-    out: OutFolder,
-    part: Literal["all", "train"] = "all",
-) -> int:
-    """Index every stretch of 15 to 150 frames of a prepared database, and its mirror image, as a trajectory to match.
-
-    Args:
-        database: From `interpose prepare`.
-        out: The gallery's folder.
-        part: train leaves out the ends of the clips that trainings hold out.
-    """
-    from interpose.cli import gallery as command
-
-    return command.build(database, out, part)
-
-
-def gallery_query(
-    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
-    start: Annotated[Positional[str], arg(metavar="START")],
-    target: Annotated[Positional[str], arg(metavar="TARGET")],
-    /,
-    frames: Annotated[int | None, unset("N")] = None,
-    speed: Annotated[str | None, unset("fast|medium|slow")] = None,
-    style: Annotated[str | None, unset("NAME")] = None,
-    count: Annotated[int, arg(metavar="K")] = 7,
-    seed: Annotated[int, arg(metavar="S")] = 0,
-    json: bool = False,
-) -> int:
-    """Suggest durations and matching trajectories between two poses.
-
-    Args:
-        gallery: A gallery's folder, a gallery.npz, or a model's name.
-        start: FILE or FILE:FRAME as for `between`, or a place X,Z,DEG: metres on the ground, facing about +Y from +Z.
-        target: Likewise.
-        frames: Frames between the two at 30 Hz; as many as suggested where left out.
-        speed: In place of frames.
-        style: One of the gallery's; any where left out.
-        count: Number of different trajectories.
-        seed: Random seed; the same seed gives the same answer.
-        json: Print one JSON object.
-    """
-    from interpose.cli import gallery as command
-
-    return command.query(gallery, (start, target), (frames, speed, style), count, seed, json)
-
-
-def gallery_generate(
-    database: Annotated[Positional[str], arg(metavar="DB")],
-    /,
-    model: Annotated[str, arg(metavar="NAME|DIR")],
-    frames: Annotated[int, arg(metavar="N")] = 18_000,
-    seed: Annotated[int, arg(metavar="S")] = 0,
-) -> int:
-    """Give a model a gallery of its own motion, which can be bundled with it: no frame of the database is in it.
-
-    Args:
-        database: From `interpose prepare`; key poses are taken from it.
-        model: An installed model or a model's folder; its gallery.npz is replaced.
-        frames: Frames of motion to generate, over all styles of the database.
-        seed: Random seed; the same seed gives the same gallery.
-    """
-    from interpose.cli import gallery as command
-
-    return command.generate(database, model, frames, seed)
-
-
-def gallery_plot(
-    gallery: Annotated[Positional[str], arg(metavar="GALLERY")],
-    /,
-    out: OutFolder,
-    style: Annotated[str | None, unset("NAME")] = None,
-    distance: Annotated[float, arg(metavar="M")] = 2.0,
-    seed: Annotated[int, arg(metavar="S")] = 0,
-) -> int:
-    """Draw the paper's figures 3, 4 and 6: paths for four turns, distances by style, a match step by step.
-
-    Args:
-        gallery: A gallery's folder, a gallery.npz, or a model's name.
-        out: The folder for the figures.
-        style: Of the paths and the match; any where left out.
-        distance: Metres from start to target of the paths.
-        seed: Random seed; the same seed gives the same figures.
-    """
-    from interpose.cli import gallery as command
-
-    return command.plot(gallery, out, style, distance, seed)
 
 
 def nothing(command: str, wanted: str) -> int:

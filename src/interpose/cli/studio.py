@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from interpose import io
-from interpose.cli.gallery import gallery_of
+from interpose.cli.inputs import gallery_of
 from interpose.errors import InputError
 from interpose.io.files import encoding_of, read_whole
 from interpose.studio import front, projects

@@ -1,8 +1,13 @@
-"""Options and help of the commands that train and measure; the modules beside do the work, imported when one runs."""
+"""The commands that train and measure. Each imports what does its work when it runs."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 from tyro.extras import literal_type_from_choices
@@ -10,9 +15,23 @@ from tyro.extras import literal_type_from_choices
 from interpose.cli.make_motion import nothing
 from interpose.cli.options import OutFolder, unset
 from interpose.data.sources import DATASETS
+from interpose.errors import InputError
 
 RECIPES = Literal["pae", "plan", "dcmoe", "stitch", "detail", "target"]
 PROTOCOLS = Literal["lafan1", "dcmoe", "stitch", "gallery", "style"]
+DEFAULT_METHODS = {"lafan1": "interp,zero-velocity", "dcmoe": "interp,plan,dcmoe", "stitch": "interp,plan,stitch"}
+_RECIPE_MODULES = {"pae": "phases.recipe", "plan": "planner.recipe", "detail": "stitch.detail"}
+"""The modules of recipes that are not `NAME.recipe`."""
+_OWNERS = {
+    "plan": ("dcmoe", "stitch"),
+    "phases": ("dcmoe",),
+    "without": ("stitch",),
+    "refines": ("detail",),
+    "backward": ("dcmoe",),
+    "compiled": ("dcmoe",),
+}
+"""Options that some recipes alone have, by the recipe's argument."""
+_EXTRA = {"torch", "roma", "safetensors", "onnx", "onnxscript", "tensorboard", "cleanlab", "matplotlib"}
 _DATASET_HELP = f"{', '.join(DATASETS)}; bvh is any folder of BVH files."
 _TEST_SUBJECTS = [f"{', '.join(d.test_subjects)} of {name}" for name, d in DATASETS.items() if d.test_subjects]
 _SPLIT_HELP = f"train leaves out the test subjects ({'; '.join(_TEST_SUBJECTS)}), test keeps only them."
@@ -35,9 +54,16 @@ def prepare(
         out: Folder of the database.
         workers: Number of processes; one for each core by default.
     """
-    from interpose.cli import training
+    from interpose.data import ingest
 
-    return training.prepare(dataset, source, out, split, workers) if source else nothing("prepare", "SOURCE")
+    if not source:
+        return nothing("prepare", "SOURCE")
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers must be 1 or more, got {workers}")
+    report = ingest.prepare(dataset, list(source), out, split=split, workers=workers)
+    print(report.markdown(), end="")
+    print(f"wrote {out}", file=sys.stderr)
+    return 0
 
 
 def labels(
@@ -57,9 +83,12 @@ def labels(
         noise: The share of the estimated label errors to drop, most doubtful first; 1 is plain confident learning.
         seed: Random seed of the classifiers.
     """
-    from interpose.cli import training
-
-    return training.labels(data, out, noise, seed)
+    module = of_extra("interpose.train.style.labels")
+    folder = None if out is None else Path(out)
+    print(module.distil(Path(data), folder, noise=noise, seed=seed, progress=_show_progress), end="")
+    kept = module.label_issues.KEPT_LABELS_FILE
+    print(f"wrote {folder or Path(data) / 'labels'} and {kept} in {data}", file=sys.stderr)
+    return 0
 
 
 def train(
@@ -101,12 +130,44 @@ def train(
         device: Where to compute; a GPU where there is one.
         seed: Random seed of weights and sampling; that of --config, or 0, where left out.
     """
-    from interpose.cli import training
-
     if not data:
         return nothing("train", "DB after --data")
-    options = training.RecipeOptions(plan, phases, without, refines, backward, compiled)
-    return training.train(network, data, out, preset, config, minutes, device, seed, options)
+    recipe = of_extra(f"interpose.train.{_RECIPE_MODULES.get(network, f'{network}.recipe')}")
+    configs = of_extra("interpose.train.common.config")
+    if device is None:
+        device = "cuda" if of_extra("torch").cuda.is_available() else "cpu"
+    given = {
+        "plan": None if plan is None else Path(plan),
+        "phases": [Path(file) for file in phases] or None,
+        "without": without,
+        "refines": None if refines is None else Path(refines),
+        "backward": backward,
+        "compiled": compiled,
+    }
+    for option, value in given.items():
+        if network not in _OWNERS[option] and value not in (None, False):
+            flag, owners = "compile" if option == "compiled" else option, " and ".join(_OWNERS[option])
+            raise InputError(f"--{flag} is for {owners}; it is not valid for {network}")
+    settings = configs.preset_of(recipe.PRESETS, preset)
+    if config is not None:
+        part = network if network in ("plan", "detail", "target") else "backward" if backward else None
+        settings = configs.read(Path(config), settings, part)
+    if network not in ("plan", "dcmoe") and of_extra("interpose.train.common.parallel").started() > 1:
+        raise InputError(f"{network} trains on one process; torchrun is for plan and dcmoe")
+    outcome = recipe.train(
+        [Path(folder) for folder in data],
+        Path(out),
+        config=settings,
+        seed=settings.seed if seed is None else seed,
+        max_minutes=minutes,
+        device=device,
+        **{option: value for option, value in given.items() if network in _OWNERS[option]},
+    )
+    if os.environ.get("RANK", "0") == "0":
+        if config is not None:
+            configs.check_data(Path(config), Path(out))
+        print(f"{out}: {outcome}", file=sys.stderr)
+    return 130 if outcome == "interrupted" else 0
 
 
 def export(
@@ -125,9 +186,9 @@ def export(
         onto: For a run of detail, of target or of dcmoe --backward: the model's folder that it completes; out is a
             copy of that.
     """
-    from interpose.cli import training
-
-    return training.export(run, out, name, onto)
+    made = of_extra("interpose.export").export(Path(run), Path(out), name=name, onto=onto)
+    print(f"wrote {made}", file=sys.stderr)
+    return 0
 
 
 def evaluate(
@@ -163,10 +224,52 @@ def evaluate(
             For style: all tests on the halves of all clips, where the classifier otherwise learns from those ends.
         strength: For style: the style strengths to measure, separated by commas.
     """
-    from interpose.cli import evaluation
+    from interpose.data import database
+    from interpose.runtime import model_folder
 
+    folder = Path(out)
     if protocol == "style":
-        return evaluation.style(data, model, out, strength, part or "held-out", seed)
-    if protocol == "gallery":
-        return evaluation.gallery(data, gallery, model, out, part or "all", seed)
-    return evaluation.on_lafan1(protocol, data, methods, model, out, context, seed)
+        try:
+            strengths = [float(text) for text in strength.split(",")]
+        except ValueError:
+            raise InputError(f"--strength takes numbers separated by commas, got {strength!r}") from None
+        of_extra("torch")
+        of_extra("interpose.evaluate.style").evaluate_style(
+            database.load(data),
+            model_folder.load(model),
+            folder,
+            strengths=strengths,
+            part=part or "held-out",
+            seed=seed,
+            progress=_show_progress,
+        )
+    elif protocol == "gallery":
+        from interpose.cli.inputs import gallery_of
+        from interpose.evaluate.gallery import evaluate_gallery
+
+        chosen, part = model_folder.load(model), part or "all"
+        source = gallery_of(gallery or str(chosen.path))
+        evaluate_gallery(database.load(data), source, chosen, folder, part=part, seed=seed, progress=_show_progress)
+    else:
+        module = import_module(f"interpose.evaluate.{protocol}")
+        named = (methods or DEFAULT_METHODS[protocol]).split(",")
+        more: dict[str, Any] = {"context_frames": context} if protocol == "lafan1" else {}
+        run = getattr(module, f"evaluate_{protocol}")
+        run(Path(data), named, folder, model=model, seed=seed, progress=_show_progress, **more)
+    print((folder / "results.md").read_text(encoding="utf-8"), end="")
+    print(f"wrote {folder}", file=sys.stderr)
+    return 0
+
+
+def of_extra(name: str) -> ModuleType:
+    """A module that needs the extra `train`; InputError where the extra is not installed."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in _EXTRA:
+            raise InputError(f"{error.name} is not installed; install it with pip install 'interpose[train]'") from None
+        raise
+
+
+def _show_progress(message: str) -> None:
+    print(message, file=sys.stderr, flush=True)
