@@ -16,9 +16,7 @@ from commandline import bvh_text, command, fails
 from interpose import io
 from interpose.cli import studio
 from interpose.errors import InputError
-from interpose.studio.protocol import (
-    Opened,
-)
+from interpose.studio.protocol import Opened
 from interpose.studio.sample import sample
 
 

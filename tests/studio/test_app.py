@@ -24,15 +24,7 @@ from interpose.studio import scheduler as scheduler
 from interpose.studio.app import create_app
 from interpose.studio.methods import Offer
 from interpose.studio.project_format import Project, SourceFile
-from interpose.studio.protocol import (
-    SERVER_MESSAGE,
-    Candidates,
-    Failed,
-    MirroredPose,
-    Opened,
-    Rig,
-    Welcome,
-)
+from interpose.studio.protocol import SERVER_MESSAGE, Candidates, Failed, MirroredPose, Opened, Rig, Welcome
 from interpose.studio.rigs import RigStore
 from interpose.studio.sample import sample
 

@@ -14,9 +14,7 @@ from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.studio import messages, pose_rows
 from interpose.studio.export import EXPORT, export
-from interpose.studio.protocol import (
-    Export,
-)
+from interpose.studio.protocol import Export
 from interpose.studio.rigs import Clip, RigStore
 
 

@@ -16,13 +16,7 @@ from studio_rigs import envelope
 
 from interpose.errors import InputError
 from interpose.studio import messages
-from interpose.studio.protocol import (
-    CLIENT_MESSAGE,
-    SERVER_MESSAGE,
-    Library,
-    Mirror,
-    MirroredPose,
-)
+from interpose.studio.protocol import CLIENT_MESSAGE, SERVER_MESSAGE, Library, Mirror, MirroredPose
 
 ARRAYS = st.dictionaries(
     st.text(max_size=12),

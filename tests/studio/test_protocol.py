@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 import subprocess
 import sys
 import typing
@@ -13,11 +14,11 @@ from pydantic import BaseModel
 
 from interpose.studio import protocol
 from interpose.studio.project_format import ProtocolModel
-from interpose.studio.protocol import (
-    schema,
-)
 
-WEB = Path(__file__).resolve().parents[2] / "web"
+SCHEMA = Path(__file__).resolve().parents[2] / "web" / "protocol_schema.py"
+
+
+schema = runpy.run_path(str(SCHEMA))["schema"]
 
 
 def members(union: Any) -> set[str]:
@@ -69,8 +70,6 @@ def test_every_part_is_closed_and_does_not_change() -> None:
         assert one.model_config["frozen"] is True
 
 
-def test_the_module_prints_the_schema() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "interpose.studio.protocol"], capture_output=True, text=True, check=True, timeout=60
-    )
+def test_the_schema_is_printed() -> None:
+    done = subprocess.run([sys.executable, str(SCHEMA)], capture_output=True, text=True, check=True, timeout=60)
     assert json.loads(done.stdout) == schema()

@@ -20,9 +20,7 @@ from interpose.motion import Motion
 from interpose.skeleton import HUMANOID, Skeleton
 from interpose.studio import pose_rows, rigs
 from interpose.studio.messages import shapes
-from interpose.studio.protocol import (
-    Rig,
-)
+from interpose.studio.protocol import Rig
 from interpose.studio.rigs import RigStore, UnknownRig
 
 

@@ -16,14 +16,7 @@ from interpose.errors import InputError
 from interpose.studio import messages
 from interpose.studio import scheduler as scheduler
 from interpose.studio.handlers import Answer
-from interpose.studio.protocol import (
-    SERVER_MESSAGE,
-    Candidates,
-    ClientMessage,
-    Dropped,
-    Failed,
-    ServerMessage,
-)
+from interpose.studio.protocol import SERVER_MESSAGE, Candidates, ClientMessage, Dropped, Failed, ServerMessage
 from interpose.studio.rigs import UnknownRig
 from interpose.studio.scheduler import Disconnect, RateLimit, RequestQueue, WorkerPool
 

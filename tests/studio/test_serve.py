@@ -13,9 +13,7 @@ import pytest
 from interpose.errors import InputError
 from interpose.studio import serve
 from interpose.studio.methods import Offer
-from interpose.studio.protocol import (
-    Opened,
-)
+from interpose.studio.protocol import Opened
 
 
 @pytest.fixture
@@ -67,15 +65,15 @@ def test_where_none_is_asked_for_the_next_free_is_taken(
 ) -> None:
     tried: list[int] = []
 
-    def listening(port: int) -> socket.socket:
-        tried.append(port)
-        if port in (busy, busy + 1):
+    def listening(address: tuple[str, int], backlog: int) -> socket.socket:
+        tried.append(address[1])
+        if address[1] in (busy, busy + 1):
             raise OSError(98, "Address already in use")
-        return real(0)
+        return real(("127.0.0.1", 0), backlog=backlog)
 
-    real = serve._listening
+    real = socket.create_server
     monkeypatch.setattr(serve, "PORT", busy)
-    monkeypatch.setattr(serve, "_listening", listening)
+    monkeypatch.setattr(socket, "create_server", listening)
     had(stack, None)
     assert tried == [busy, busy + 1, busy + 2]
 
@@ -84,7 +82,7 @@ def test_where_all_of_them_are_busy_any_is_taken(stack: ExitStack, busy: int, mo
     monkeypatch.setattr(serve, "PORT", busy)
     monkeypatch.setattr(serve, "PORTS_TRIED", 1)
     assert had(stack, None).getsockname()[1] != busy
-    monkeypatch.setattr(serve, "_listening", lambda _: (_ for _ in ()).throw(OSError()))
+    monkeypatch.setattr(socket, "create_server", lambda *_, **__: (_ for _ in ()).throw(OSError()))
     with pytest.raises(InputError, match="no free port on this machine"):
         serve.listen(None)
 

@@ -11,10 +11,7 @@ from interpose.io.files import encoding_of, read_whole
 from interpose.studio import front, projects
 from interpose.studio.methods import Offer
 from interpose.studio.project_format import SourceFile
-from interpose.studio.protocol import (
-    LARGEST_UPLOAD,
-    Opened,
-)
+from interpose.studio.protocol import LARGEST_UPLOAD, Opened
 from interpose.studio.rigs import RigStore
 from interpose.studio.serve import serve
 

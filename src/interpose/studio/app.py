@@ -21,19 +21,14 @@ from interpose.errors import InputError
 from interpose.parts import GROUND, GROUPS
 from interpose.studio import messages, projects, rigs
 from interpose.studio.export import EXPORT, export
+from interpose.studio.front import serve_file
 from interpose.studio.handlers import answer
 from interpose.studio.methods import Offer
-from interpose.studio.protocol import (
-    LARGEST_UPLOAD,
-    Opened,
-    Refusal,
-    Welcome,
-)
+from interpose.studio.protocol import LARGEST_UPLOAD, Opened, Refusal, Welcome
 from interpose.studio.rigs import RigStore, UnknownRig
 from interpose.studio.sample import sample
 from interpose.studio.scheduler import INTERNAL_ERROR, MALFORMED, Disconnect, RequestQueue, Serve, WorkerPool
 from interpose.studio.security import OriginCheck, allowed_hosts, headers
-from interpose.studio.static import serve_file
 
 Result = TypeVar("Result")
 

@@ -12,9 +12,7 @@ from interpose import io, rotation
 from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.studio import pose_rows
-from interpose.studio.protocol import (
-    Export,
-)
+from interpose.studio.protocol import Export
 from interpose.studio.rigs import Clip
 
 EXPORT: TypeAdapter[Export] = TypeAdapter(Export)

@@ -14,9 +14,7 @@ from interpose.motion import Motion
 from interpose.runtime.inbetween import gap_of
 from interpose.runtime.resampling import model_steps, user_frames
 from interpose.studio.project_format import PointPath
-from interpose.studio.protocol import (
-    GalleryPath,
-)
+from interpose.studio.protocol import GalleryPath
 from interpose.studio.rigs import Clip
 
 MOST_PATH_POINTS = 40

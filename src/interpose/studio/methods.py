@@ -14,9 +14,7 @@ from interpose.runtime.inbetween import inbetween, mapping_of, suggest
 from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
-from interpose.studio.protocol import (
-    MethodInfo,
-)
+from interpose.studio.protocol import MethodInfo
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Everything that the studio's server and its browser send to each other.
 
 The types of project files are in `project_format`. The TypeScript types in `web/src/protocol.ts` come from both
-(`python -m interpose.studio.protocol` prints the JSON schema); a test fails when the two differ.
+by `web/protocol.sh`; a test fails when the two differ.
 
 **Envelopes.** Every websocket message, and every HTTP body that holds poses, is an envelope: four bytes with the length
 of a JSON header (unsigned, little-endian), the header in UTF-8, padded with spaces to a multiple of four, then the
@@ -23,22 +23,11 @@ answered with `dropped`.
 
 from __future__ import annotations
 
-import json
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, TypeAdapter
-from pydantic.json_schema import models_json_schema
+from pydantic import Field, TypeAdapter
 
-from interpose.studio.project_format import (
-    Frame,
-    GapSettings,
-    Id,
-    PointPath,
-    Project,
-    ProtocolModel,
-    SourceFile,
-    Speed,
-)
+from interpose.studio.project_format import Frame, GapSettings, Id, PointPath, Project, ProtocolModel, SourceFile, Speed
 
 LARGEST_UPLOAD = 64 * 1024 * 1024
 """Largest file, project or export in bytes."""
@@ -332,48 +321,3 @@ class Opened(ProtocolModel):
 
 CLIENT_MESSAGE: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
 SERVER_MESSAGE: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)
-
-
-def schema() -> dict[str, Any]:
-    """The JSON schema of all types above, for TypeScript. Fields with a default count as required."""
-    bodies = (Rig, Export, Refusal, Opened)
-    unions = {"ClientMessage": _members(ClientMessage), "ServerMessage": _members(ServerMessage)}
-    models = [model for group in (*unions.values(), bodies) for model in group]
-    _, made = models_json_schema([(model, "serialization") for model in models], ref_template="#/$defs/{model}")
-    definitions = _plain(made["$defs"])
-    for name, members in unions.items():
-        definitions[name] = {"anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in members]}
-    roots = (*unions, *(model.__name__ for model in bodies))
-    return {
-        "title": "Protocol",
-        "description": "Everything that the studio's server and its browser send to each other.",
-        "type": "object",
-        "properties": {name: {"$ref": f"#/$defs/{name}"} for name in roots},
-        "required": list(roots),
-        "$defs": definitions,
-    }
-
-
-def _members(union: Any) -> tuple[type[BaseModel], ...]:
-    """The models of an annotated union."""
-    return get_args(get_args(union)[0])
-
-
-def _plain(held: Any) -> Any:
-    """A schema that json2ts understands: tuples as lists of items, no titles, no list lengths."""
-    if isinstance(held, list):
-        return [_plain(each) for each in held]
-    if not isinstance(held, dict):
-        return held
-    tuple_ = held.get("prefixItems")
-    dropped = {"prefixItems", *(() if tuple_ else ("minItems", "maxItems"))}
-    if not isinstance(held.get("title"), dict):
-        dropped.add("title")
-    plain = {key: _plain(value) for key, value in held.items() if key not in dropped}
-    if isinstance(held.get("properties"), dict):
-        plain["required"] = list(held["properties"])
-    return plain | ({"items": _plain(tuple_)} if tuple_ else {})
-
-
-if __name__ == "__main__":
-    print(json.dumps(schema(), indent=1))

@@ -20,10 +20,7 @@ from interpose.runtime.inbetween import mapping_of
 from interpose.skeleton import HUMANOID
 from interpose.studio import pose_rows
 from interpose.studio.messages import shapes
-from interpose.studio.protocol import (
-    FootJoint,
-    Rig,
-)
+from interpose.studio.protocol import FootJoint, Rig
 
 RIG_BYTES = 512 * 1024 * 1024
 """Limit of the opened files in bytes; the newest is always kept."""

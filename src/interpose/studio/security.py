@@ -12,9 +12,7 @@ from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from interpose.studio.protocol import (
-    Refusal,
-)
+from interpose.studio.protocol import Refusal
 
 _HTTP_PORT = 80
 """The port that browsers leave out of Host."""

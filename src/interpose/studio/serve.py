@@ -15,10 +15,7 @@ import uvicorn
 from interpose.errors import InputError
 from interpose.studio.app import create_app
 from interpose.studio.methods import Offer, warm
-from interpose.studio.protocol import (
-    LARGEST_MESSAGE,
-    Opened,
-)
+from interpose.studio.protocol import LARGEST_MESSAGE, Opened
 
 PORT = 8360
 PORTS_TRIED = 20
@@ -59,29 +56,16 @@ def listen(port: int | None) -> socket.socket:
         if not 0 <= port <= 65535:
             raise InputError(f"--port must be 0 to 65535, got {port}")
         try:
-            return _listening(port)
+            return socket.create_server((_LOOPBACK, port), backlog=128)
         except OSError as error:
-            why = (error.strerror or str(error)).lower()
+            why = os.strerror(error.errno or 0).lower()
             raise InputError(f"port {port} is not available ({why}); leave out --port, or choose another") from None
     for one in (*range(PORT, PORT + PORTS_TRIED), 0):
         try:
-            return _listening(one)
+            return socket.create_server((_LOOPBACK, one), backlog=128)
         except OSError:
             continue
     raise InputError("no free port on this machine; close a program that uses one")
-
-
-def _listening(port: int) -> socket.socket:
-    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        if os.name == "posix":
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((_LOOPBACK, port))
-        made.listen(128)
-    except OSError:
-        made.close()
-        raise
-    return made
 
 
 def _warm(offer: Offer) -> None:
