@@ -3,6 +3,7 @@
 import copy
 import json
 from dataclasses import replace
+from functools import partial
 
 import learning
 import numpy as np
@@ -131,9 +132,7 @@ def test_an_onnx_file_of_another_network_is_refused(model_folder, network):
     other.out_mean[other.layout.slices()["hips"]] += 1.0
     content = (model_folder / "step.onnx").read_bytes()
 
-    def inputs(batch, seed):
-        return export.example(len(learning.STYLES), batch, seed)
-
+    inputs = partial(onnx_file.example, state_shapes() | control_shapes(len(learning.STYLES)))
     apart = onnx_file.check(export.StepGraph(network), content, inputs, onnx_file.TOLERANCE_STORED)
     assert apart <= onnx_file.TOLERANCE_STORED
     with pytest.raises(InputError, match="the ONNX model's next_hips differs from torch's by"):
@@ -141,8 +140,8 @@ def test_an_onnx_file_of_another_network_is_refused(model_folder, network):
 
 
 def test_the_example_has_every_input():
-    inputs = export.example(3, 5)
     shapes = state_shapes() | control_shapes(3)
+    inputs = onnx_file.example(shapes, 5, longest=LONGEST_ARRIVAL)
     assert {name: tuple(x.shape) for name, x in inputs.items()} == {n: (5, *shape) for n, shape in shapes.items()}
     assert list(inputs) == [*State._fields, *Control._fields]
     assert float(inputs["frames_left"].min()) >= 1.0

@@ -39,15 +39,12 @@ def export(
             f"{run_dir}: {'this run completes a model; name it with --onto' if completes else 'no run for --onto'}"
         )
     if onto is not None:
-        write = target.export if "completes" in config else dcmoe.export_backward
-        write = detail.export if "refines" in config else write
+        completing = target.export if "completes" in config else dcmoe.export_backward
+        write = detail.export if "refines" in config else completing
         return write(saved, model_folder.load(onto), out, name)
-    if "experts" in config and "stitch" not in config:
-        return dcmoe.export(saved, out, name, metrics)
-    if "stitch" in config:
-        return stitch.export(saved, out, name, metrics)
-    if "displacement" in config:
-        return planner.export(saved, out, name, metrics)
+    for key, kind in (("stitch", stitch), ("experts", dcmoe), ("displacement", planner)):
+        if key in config:
+            return kind.export(saved, out, name, metrics)
     raise InputError(
         f"{run_dir}: no checkpoint of a model is there; give a run of 'interpose train plan, dcmoe or stitch'"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def export(
             "difference_from_torch": difference,
         } | planner
 
-    return folder.write(out, saved, folder.Identity(name, "dcmoe", dict(metrics or {})), model, fill)
+    return folder.write(out, saved, "dcmoe", model, fill, name, metrics)
 
 
 def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
@@ -109,27 +110,8 @@ def model_of(saved: Mapping[str, Any]) -> DCMoE:
     return model
 
 
-def example(styles: int, batch: int, seed: int = 0) -> dict[str, Tensor]:
-    """Inputs of plausible size, for tracing and for the check."""
-    generator = torch.Generator().manual_seed(seed)
-    out = {}
-    for name, shape in (state_shapes() | control_shapes(styles)).items():
-        out[name] = torch.randn(batch, *shape, generator=generator) * 0.3
-    for name in ("rotations", "target_rotations", "base", "base_next"):
-        flat = out[name][:, 3:] if name.startswith("base") else out[name]
-        flat += torch.tensor([1.0, 0, 0, 0, 1.0, 0]).repeat(flat[0].numel() // 6).view_as(flat[0])
-    out["frames_left"] = torch.randint(1, LONGEST_ARRIVAL, (batch, 1), generator=generator).float()
-    out["style"] = torch.nn.functional.one_hot(torch.arange(batch) % (styles + 1), styles + 1).float()
-    out["path_known"] = (torch.arange(batch)[:, None] % 2).float()
-    return out
-
-
 def write_step(model: DCMoE, path: Path) -> dict[str, float]:
     """Writes the ONNX file and returns the largest differences from torch, before and after the weights are rounded."""
-    styles = model.size.styles
+    shapes = state_shapes() | control_shapes(model.size.styles)
     outputs = [*(f"next_{name}" for name in CARRIED), "contacts", "next_path"]
-
-    def inputs(batch: int, seed: int) -> dict[str, Tensor]:
-        return example(styles, batch, seed)
-
-    return onnx_file.write(StepGraph(model), path, inputs, outputs)
+    return onnx_file.write(StepGraph(model), path, partial(onnx_file.example, shapes, longest=LONGEST_ARRIVAL), outputs)

@@ -34,7 +34,8 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
     """Writes a copy of the model ``onto`` with `detail.onnx`. Raises InputError where it is no stitching model."""
     if onto.method == "stitch" and onto.info["network"]["form"] == "paper":
         raise InputError(f"the model '{onto.name}' has the paper's own form, which is not refined")
-    model = model_of(saved)
+    model = DetailTransformer(from_plain(DetailConfig, saved["config"]).size)
+    checkpoint.average_into(model, saved)
 
     def fill(made: Path) -> dict[str, Any]:
         names = ["refined_hips", "refined_rotations", "refined_contacts"]
@@ -44,13 +45,6 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
         return {"detail": kept | {"difference": apart}}
 
     return folder.complete(onto, out, name, "stitch", fill)
-
-
-def model_of(saved: Mapping[str, Any]) -> DetailTransformer:
-    """The network of a checkpoint, ready to run."""
-    model = DetailTransformer(from_plain(DetailConfig, saved["config"]).size)
-    checkpoint.average_into(model, saved)
-    return model
 
 
 def example(batch: int, seed: int = 0) -> dict[str, Tensor]:

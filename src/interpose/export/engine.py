@@ -6,6 +6,7 @@ plan, `pose.onnx` the pose to show: world quaternions, in which a change of targ
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar
@@ -169,10 +170,7 @@ def write_engine(folder: Path) -> dict[str, float]:
     """
     differences = {}
     for name, kind in GRAPHS.items():
-
-        def inputs(batch: int, seed: int, shapes: dict[str, tuple[int, ...]] = kind.inputs) -> dict[str, Tensor]:
-            return example(shapes, batch, seed)
-
+        inputs = partial(example, kind.inputs)
         written = onnx_file.write(kind(), folder / f"{name}.onnx", inputs, kind.outputs, frames=("at",))
         differences[name] = written["as_stored"]
     return differences
@@ -180,18 +178,9 @@ def write_engine(folder: Path) -> dict[str, float]:
 
 def example(shapes: dict[str, tuple[int, ...]], batch: int, seed: int) -> dict[str, Tensor]:
     """Inputs of plausible size, for tracing and for the check."""
-    generator = torch.Generator().manual_seed(seed)
-    out = {name: 0.3 * torch.randn(batch, *shape, generator=generator) for name, shape in shapes.items()}
-    for name, value in out.items():
-        if name.endswith("quaternions"):
-            value[..., 3] += 1.0
-        elif name.endswith("rotations"):
-            value += torch.tensor([1.0, 0, 0, 0, 1.0, 0])
     rows = torch.arange(batch)[:, None]
-    flags = {"before_known": rows % 2, "velocity_known": rows % 2, "change": rows % 3, "frames_left": 1 + 5 * rows}
-    flags |= {"frames": 8 + rows, "at": torch.arange(5 + seed % 3) + rows, "offset_left": rows}
-    out |= {name: value.float() for name, value in flags.items() if name in out}
-    return out
+    more = {"change": rows % 3, "at": torch.arange(5 + seed % 3) + rows, "offset_left": rows}
+    return onnx_file.example(shapes, batch, seed) | {name: more[name].float() for name in more if name in shapes}
 
 
 def _matrix(q: Tensor) -> Tensor:

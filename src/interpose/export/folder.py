@@ -7,7 +7,6 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -30,23 +29,23 @@ def check_place(out: Path) -> None:
         raise InputError(f"{out} exists but is not a model folder; give another name")
 
 
-@dataclass(frozen=True)
-class Identity:
-    """A model's name (by default the folder's), its method, and its scores."""
-
-    name: str | None
-    method: str
-    metrics: dict[str, Any]
-
-
-def write(out: Path, saved: Mapping[str, Any], identity: Identity, model: nn.Module, fill: Fill) -> Path:
-    """Writes the folder ``out``; whole or not at all. ``saved``: the checkpoint that the model is from."""
+def write(
+    out: Path,
+    saved: Mapping[str, Any],
+    method: str,
+    model: nn.Module,
+    fill: Fill,
+    name: str | None = None,
+    metrics: Mapping[str, Any] | None = None,
+) -> Path:
+    """Writes the folder ``out``; whole or not at all. ``saved``: the checkpoint that the model is from. ``name``: by
+    default the folder's. ``metrics``: its scores."""
     check_place(out)
     config = saved["config"]
     info = {
         "format": FORMAT,
-        "name": identity.name or out.name,
-        "method": identity.method,
+        "name": name or out.name,
+        "method": method,
         "version": "0.1.0",
         "made": date.today().isoformat(),
         "preset": config["preset"],
@@ -59,10 +58,10 @@ def write(out: Path, saved: Mapping[str, Any], identity: Identity, model: nn.Mod
             "offsets": np.round(HUMANOID.offsets, 6).tolist(),
         },
         "parameters": sum(p.numel() for p in model.parameters()),
-        "training_data": [" ".join(word[:12] for word in name.split()) for name in config["databases"]],
+        "training_data": [" ".join(word[:12] for word in data.split()) for data in config["databases"]],
         "licence": licence(config["licence"]),
         "training": config,
-        "metrics": identity.metrics,
+        "metrics": dict(metrics or {}),
     }
     return _placed(out, info, fill)
 

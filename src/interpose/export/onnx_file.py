@@ -158,24 +158,24 @@ def quantise(model: onnx.ModelProto, least: int = 4096) -> onnx.ModelProto:
     return model
 
 
-def example(shapes: Mapping[str, tuple[int, ...]], batch: int, seed: int = 0) -> dict[str, Tensor]:
-    """Inputs of plausible size, for tracing and for the check."""
+def example(shapes: Mapping[str, tuple[int, ...]], batch: int, seed: int = 0, longest: int = 40) -> dict[str, Tensor]:
+    """Inputs of plausible size, for tracing and for the check: flags, styles and rotations are what their names say.
+    longest: frames to the target stay below it."""
     generator = torch.Generator().manual_seed(seed)
-    out = {}
-    for name, shape in shapes.items():
-        out[name] = torch.randn(batch, *shape, generator=generator) * 0.3
+    rows, no_turn = torch.arange(batch), torch.tensor([1.0, 0, 0, 0, 1.0, 0])
+    out = {name: torch.randn(batch, *shape, generator=generator) * 0.3 for name, shape in shapes.items()}
     for name, value in out.items():
         if name.endswith("rotations") and value.shape[-1] == 6:
-            value += torch.tensor([1.0, 0, 0, 0, 1.0, 0])
-        elif name.endswith("rotations"):
+            value += no_turn
+        elif name.endswith(("rotations", "quaternions")):
             value += torch.tensor([0.0, 0, 0, 1.0])
             value /= value.norm(dim=-1, keepdim=True)
-        elif name.startswith("base_"):
-            value[:, 3:] += torch.tensor([1.0, 0, 0, 0, 1.0, 0]).repeat(22)
-    for name in ("left", "steps"):
-        if name in out:
-            out[name] = torch.randint(2, 40, (batch, 1), generator=generator).float()
-    if "style" in out:
-        count = out["style"].shape[1]
-        out["style"] = torch.nn.functional.one_hot(torch.arange(batch) % count, count).float()
+        elif name.startswith("base"):
+            value[:, 3:] += no_turn.repeat(22)
+        elif name in ("left", "steps", "frames", "frames_left"):
+            value[:] = torch.randint(2, longest, (batch, 1), generator=generator)
+        elif name.endswith("known") or name == "ground":
+            value[:] = rows[:, None] % 2
+        elif name == "style":
+            value[:] = torch.nn.functional.one_hot(rows % value.shape[1], value.shape[1])
     return out

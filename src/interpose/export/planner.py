@@ -50,5 +50,4 @@ def export(
 ) -> Path:
     """Writes the model folder ``out`` of a checkpoint: a planner alone, method `plan`."""
     planner = model_of(saved)
-    identity = folder.Identity(name, "plan", dict(metrics or {}))
-    return folder.write(out, saved, identity, planner, lambda made: {"planner": write_plan(planner, made)})
+    return folder.write(out, saved, "plan", planner, lambda made: {"planner": write_plan(planner, made)}, name, metrics)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,13 +55,8 @@ def export(
         outputs = [f"next_{name}" for name in (*MADE, *Memory._fields)]
         difference = {}
         for each, generator in (("front", model.front), ("back", model.back)):
-
-            def inputs(batch: int, seed: int, shapes: dict[str, tuple[int, ...]] = wanted[each]) -> dict[str, Tensor]:
-                return onnx_file.example(shapes, batch, seed)
-
-            file = made / f"{each}.onnx"
-            graph = GeneratorGraph(generator)
-            difference[each] = onnx_file.write(graph, file, inputs, outputs)
+            inputs, file = partial(onnx_file.example, wanted[each]), made / f"{each}.onnx"
+            difference[each] = onnx_file.write(GeneratorGraph(generator), file, inputs, outputs)
         info: dict[str, Any] = {
             "network": network,
             "chains": config["chains"],
@@ -73,4 +69,4 @@ def export(
             info["mean_quaternions"] = np.round(model.mean_quaternions.numpy().astype(float), 6).tolist()
         return info
 
-    return folder.write(out, saved, folder.Identity(name, "stitch", dict(metrics or {})), model, fill)
+    return folder.write(out, saved, "stitch", model, fill, name, metrics)

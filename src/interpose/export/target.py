@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,7 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
 
     def fill(made: Path) -> dict[str, Any]:
         names = ["hips", "rotations", "contacts"]
-        file = made / "target.onnx"
-
-        def inputs(batch: int, seed: int) -> dict[str, Tensor]:
-            return example(model, batch, seed)
-
-        apart = onnx_file.write(Complete(model), file, inputs, names)
+        apart = onnx_file.write(Complete(model), made / "target.onnx", partial(example, model), names)
         size = {"latent": model.size.latent, "hidden": model.size.hidden, "steps": saved["step"]}
         return {"target": size | {"difference_from_torch": apart, "training": saved["config"]}}
 
@@ -39,15 +35,7 @@ def export(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None 
 
 def example(model: TargetPose, batch: int, seed: int = 0) -> dict[str, Tensor]:
     """Inputs of plausible size, for tracing and for the check."""
-    generator = torch.Generator().manual_seed(seed)
     shapes = target_shapes(model.size.styles, model.size.latent)
-    out = {name: 0.3 * torch.randn(batch, *shape, generator=generator) for name, shape in shapes.items()}
-    for name in ("start_rotations", "target_rotations"):
-        out[name] = out[name] + torch.tensor([1.0, 0, 0, 0, 1.0, 0])
-    rows = torch.arange(batch)[:, None]
-    out["joints"] = ((rows + torch.arange(JOINTS)) % 3 == 0).float()
-    out["ground"] = (rows % 2).float()
-    out["velocity_known"] = (rows % 2).float()
-    out["frames"] = torch.randint(1, LONGEST_TARGET_FRAMES, (batch, 1), generator=generator).float()
-    out["style"] = torch.nn.functional.one_hot(rows[:, 0] % (model.size.styles + 1), model.size.styles + 1).float()
+    out = onnx_file.example(shapes, batch, seed, LONGEST_TARGET_FRAMES)
+    out["joints"] = ((torch.arange(batch)[:, None] + torch.arange(JOINTS)) % 3 == 0).float()
     return out

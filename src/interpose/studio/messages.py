@@ -8,23 +8,30 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32
 from numpy import ndarray
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from interpose.errors import InputError
 from interpose.studio.validation_messages import first_error
 
 Arrays = Mapping[str, ndarray]
-Header = TypeVar("Header")
+Header = TypeVar("Header", covariant=True)
 
 MOST_ARRAYS = 16
 MOST_NUMBERS = 2**40
 LARGEST_HEADER = 16 * 1024 * 1024
 """Largest incoming header in bytes."""
+
+
+@runtime_checkable
+class HeaderType(Protocol[Header]):
+    """Parses headers of one type from JSON, as pydantic's `TypeAdapter` does."""
+
+    def validate_json(self, data: bytes, /, *, strict: bool) -> Header: ...
 
 
 def shapes(arrays: Arrays) -> dict[str, list[int]]:
@@ -44,7 +51,7 @@ def pack(header: BaseModel, arrays: Arrays) -> bytes:
 
 
 def unpack(
-    data: bytes, header_type: TypeAdapter[Header], largest: int = LARGEST_HEADER
+    data: bytes, header_type: HeaderType[Header], largest: int = LARGEST_HEADER
 ) -> tuple[Header, dict[str, Float32[ndarray, "..."]]]:
     """The header, checked against its type, and its arrays by name.
 

@@ -106,8 +106,7 @@ def test_a_runs_config_gives_its_settings_but_not_its_data(write):
 
 def test_a_models_config_gives_its_settings_and_its_planners(write, tmp_path, network):
     saved = {"config": to_plain(stitch_learning.CONFIG), "step": 3}
-    identity = folder.Identity(None, "stitch", {})
-    made = folder.write(tmp_path / "model", saved, identity, network, lambda _: {}) / "model.json"
+    made = folder.write(tmp_path / "model", saved, "stitch", network, lambda _: {}) / "model.json"
     assert read(made, STITCH["small"]) == replace(stitch_learning.CONFIG, databases=(), styles=(), licence="")
     planner = read(made, PLAN["small"], part="plan")
     assert planner == replace(learning.PLANNER, databases=(), styles=(), licence="")
