@@ -56,7 +56,7 @@ def test_a_preset_has_its_own_name(name, config):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"depth": 3}, "the config has no field 'depth'; it has preset, size, steps"),
+        ({"depth": 3}, "the config has no field 'depth'; it has preset, learning_rate"),
         ({"size": {"width": 3}}, "the config has no field 'size.width'; it has latent, hidden"),
         ({"steps": "many"}, "the config's 'steps' cannot be 'many'"),
         ({"steps": 1.5}, "the config's 'steps' cannot be 1.5"),

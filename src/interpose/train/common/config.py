@@ -6,7 +6,7 @@ import json
 import sys
 import types
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -15,6 +15,25 @@ from interpose.errors import InputError
 C = TypeVar("C")
 FROM_DATA = ("databases", "styles", "licence")
 """Fields that a training takes from its databases, whatever a file says."""
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What every training decides, saved beside its weights; a recipe's own config adds its settings."""
+
+    preset: str = "full"
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    warmup: int = 500
+    average: float = 0.999
+    """decay of the moving average of the weights"""
+    clip: float = 1.0
+    half: bool = True
+    """bfloat16 products: faster on a GPU, slower on a CPU without AMX"""
+    seed: int = 0
+    databases: tuple[str, ...] = ()
+    styles: tuple[str, ...] = ()
+    licence: str = ""
 
 
 def to_plain(config: Any) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interpose.models.dcmoe import DCMoESize
+from interpose.train.common.config import TrainingConfig
 from interpose.train.common.gaps import GapSampling
 from interpose.train.dcmoe.losses import RollOutWeights
 from interpose.train.dcmoe.sequences import RollOutSampling
@@ -21,39 +22,27 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class DCMoEConfig:
-    """Everything that decides a training, saved beside its weights."""
+class DCMoEConfig(TrainingConfig):
+    """Everything that decides a training of DC-MoE."""
 
-    preset: str = "full"
     experts: int = 16
     hidden: int = 512
     gate: tuple[int, int] = (512, 128)
     absolute: bool = False
     stages: tuple[Stage, ...] = (Stage(60_000, 8, 256), Stage(30_000, 16, 256))
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-4
-    warmup: int = 500
-    average: float = 0.999
-    clip: float = 1.0
     fresh: float = 0.6
     """share of the rows that start anew at each update"""
     mask_target: float = 0.1
     """probability that a row's target loses some of its joints (section 5.1)"""
     mask_joint: float = 0.3
     """of each joint of such a row"""
-    half: bool = True
-    """bfloat16 products"""
     sampling: RollOutSampling = field(default_factory=RollOutSampling)
     posterior: float = 0.4
     """share of the roll-outs along a plan of the posterior; the others follow the likeliest one"""
     weights: RollOutWeights = field(default_factory=RollOutWeights)
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
     phases: bool = False
     backward: bool = False
     """on motion that runs backwards, for stitching from both ends"""
-    licence: str = ""
     plan: PlannerConfig | None = None
     """of the planner that the steps work along, as its run was trained"""
 

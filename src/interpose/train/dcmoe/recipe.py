@@ -8,10 +8,9 @@ to 6 weighted 1 and 2.5.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -31,11 +30,11 @@ from interpose.features import (
 )
 from interpose.models.dcmoe import PHASE_BANK_SIZE, DCMoE, State
 from interpose.models.planner import Planner
-from interpose.train.common import checkpoint, loop, setup
+from interpose.train.common import loop, setup
 from interpose.train.common.config import preset_of
 from interpose.train.common.frames import Frames, backwards
 from interpose.train.common.gaps import Gaps, true_poses
-from interpose.train.common.optimize import descend, scalars
+from interpose.train.common.optimize import fit
 from interpose.train.common.parallel import ALONE, Group, processes
 from interpose.train.dcmoe import losses, validation
 from interpose.train.dcmoe.config import PRESETS, DCMoEConfig, Stage
@@ -111,52 +110,43 @@ def run(
         model.planner.load_state_dict(planner.state_dict())
         model.planner.requires_grad_(False).eval()
     set_statistics(model, data, config, generator)
-    learned = [p for p in model.parameters() if p.requires_grad]
-    optimizer = torch.optim.AdamW(learned, lr=config.learning_rate, weight_decay=config.weight_decay)
-    average = loop.moving_average(model, config.average)
-    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
-    steps = sum(stage.steps for stage in config.stages)
+    kept: dict[str, Any] = {}
     for stage in config.stages:
         group.share(stage.rows if stage.steps else 0)
     if compiled:
         model.compile()
-    loss: nn.Module = RollOutLoss(model, data, config, group)
+    roll_out: nn.Module = RollOutLoss(model, data, config, group)
     if group.size > 1:
-        loss = nn.parallel.DistributedDataParallel(loss)
+        roll_out = nn.parallel.DistributedDataParallel(roll_out)
 
-    def update(step: int) -> Mapping[str, Tensor | float]:
-        factor = loop.cosine(step, steps, config.warmup, floor=0.01) if config.warmup else 1.0
-        loop.set_learning_rate(optimizer, config.learning_rate * factor)
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         # The outer context, itself off, keeps the weights' half-precision copies from one frame to the next.
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
             stage = _stage(config, step)
-            rows = _rows(state.extra, model.planner, data, stage, config, generator)
+            rows = _rows(kept, model.planner, data, stage, config, generator)
             mask = target_mask(stage.rows, config, generator)
             mine = group.share(stage.rows)
             part = rows.part(mine)
-            total, each = loss(part, mask[mine], stage.unroll)
+            total, each = roll_out(part, mask[mine], stage.unroll)
             rows.state = State(*(group.gathered(x) for x in part.state))
             rows.gone = group.gathered(part.gone)
-            _keep(state.extra, rows)
-        descend(total, [model], optimizer, average, model, config.clip)
-        out = scalars(total, each)
-        if (step + 1) % 1000 == 0:
-            average.eval()
-            out |= validation.ratios(cast(DCMoE, average.module), held_out, config.sampling.gaps.longest)
-        return out
+            _keep(kept, rows)
+        return total, each
 
     def samples(step: int) -> int:
         stage = _stage(config, step)
         return stage.rows * stage.unroll
 
-    return loop.run(
+    return fit(
         run_dir,
         config,
-        state,
-        steps,
-        update,
+        sum(stage.steps for stage in config.stages),
+        model,
+        loss,
+        lambda average: validation.ratios(average, held_out, config.sampling.gaps.longest),
+        generator,
+        kept=kept,
         samples_per_step=samples,
-        checkpoint_every=500,
         max_minutes=max_minutes,
         group=group,
     )

@@ -5,24 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interpose.models.planner import PlannerSize
+from interpose.train.common.config import TrainingConfig
 from interpose.train.common.gaps import GapSampling
 
 
 @dataclass(frozen=True)
-class PlannerConfig:
-    """Everything that decides a training, saved beside its weights."""
+class PlannerConfig(TrainingConfig):
+    """Everything that decides a training of the planner."""
 
-    preset: str = "full"
     size: PlannerSize = field(default_factory=lambda: PlannerSize(hidden=1024))
     steps: int = 40_000
     rows: int = 2048
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-4
-    warmup: int = 500
-    average: float = 0.999
-    clip: float = 1.0
-    half: bool = True
-    """bfloat16 products: faster on a GPU, slower on a CPU without AMX"""
     position: float = 3.0
     """weight of the joint positions, metres"""
     rotation: float = 1.0
@@ -33,10 +26,6 @@ class PlannerConfig:
     divergence: float = 1e-4
     """of a nat"""
     sampling: GapSampling = field(default_factory=GapSampling)
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
-    licence: str = ""
 
 
 PRESETS: dict[str, PlannerConfig] = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -19,13 +19,10 @@ from interpose.train.common import checkpoint, loop, setup
 from interpose.train.common.config import from_plain, preset_of
 from interpose.train.common.frames import Frames
 from interpose.train.common.gaps import Gaps, draw
-from interpose.train.common.optimize import adamw, descend, scalars
+from interpose.train.common.optimize import fit
 from interpose.train.common.parallel import ALONE, Group, processes
 from interpose.train.planner import objective
 from interpose.train.planner.config import PRESETS, PlannerConfig
-
-VALIDATE_EVERY = 1000
-"""Updates."""
 
 
 def train(
@@ -65,37 +62,27 @@ def run(
     planner.half_products = config.half
     generator = torch.Generator(device).manual_seed(config.seed)
     objective.set_statistics(planner, data, config.sampling, generator)
-    optimizer = adamw(planner.parameters(), config.learning_rate, config.weight_decay)
-    average = loop.moving_average(planner, config.average)
-    state = checkpoint.TrainingState({"model": planner, "optimizer": optimizer, "ema": average}, {"rows": generator})
     mine = group.share(config.rows)
-    loss: nn.Module = Loss(planner, data, config)
+    objective_of: nn.Module = Loss(planner, data, config)
     if group.size > 1:
-        loss = nn.parallel.DistributedDataParallel(loss)
+        objective_of = nn.parallel.DistributedDataParallel(objective_of)
 
-    def update(step: int) -> Mapping[str, Tensor | float]:
-        factor = loop.cosine(step, config.steps, config.warmup, floor=0.01)
-        loop.set_learning_rate(optimizer, config.learning_rate * factor)
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         if not group.first:  # dropout differs from process to process, after a resume as before
             torch.manual_seed(hash((config.seed, step, group.rank)))
         gaps = draw(data, config.rows, len(config.styles), config.sampling, generator)
         noise = torch.randn(config.rows, config.size.latent, generator=generator, device=device)
-        total, each = loss(gaps.part(mine), noise[mine])
-        descend(total, [planner], optimizer, average, planner, config.clip)
-        out = scalars(total, each)
-        if (step + 1) % VALIDATE_EVERY == 0 or step + 1 == config.steps:
-            average.eval()
-            out |= objective.ratios(cast(Planner, average.module), held_out)
-        return out
+        return objective_of(gaps.part(mine), noise[mine])
 
-    return loop.run(
+    return fit(
         run_dir,
         config,
-        state,
         config.steps,
-        update,
+        planner,
+        loss,
+        lambda average: objective.ratios(average, held_out),
+        generator,
         samples_per_step=config.rows,
-        checkpoint_every=500,
         max_minutes=max_minutes,
         group=group,
     )

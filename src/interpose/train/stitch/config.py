@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from interpose.models.stitching_cvae import StitchSize
+from interpose.train.common.config import TrainingConfig
 from interpose.train.common.gaps import GapSampling
 from interpose.train.planner.config import PlannerConfig
 from interpose.train.stitch.losses import PAPER_WEIGHTS, StitchWeights
@@ -21,10 +22,9 @@ class TrainingPart:
 
 
 @dataclass(frozen=True)
-class StitchConfig:
-    """Everything that decides a training, saved beside its weights."""
+class StitchConfig(TrainingConfig):
+    """Everything that decides a training of S-CVAE."""
 
-    preset: str = "full"
     size: StitchSize = field(default_factory=StitchSize)
     phases: TrainingPart = TrainingPart(6_000, 1024)
     stitch: TrainingPart = TrainingPart(60_000, 512)
@@ -45,15 +45,8 @@ class StitchConfig:
     """share of the generators' part after which the discriminators are let in, slowly"""
     betas: tuple[float, float] = (0.9, 0.999)
     weight_decay: float = 1e-2
-    average: float = 0.999
-    clip: float = 1.0
     warmup: int = 200
-    half: bool = True
     sampling: GapSampling = field(default_factory=lambda: GapSampling(path=0.3, velocity=0.3))
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
-    licence: str = ""
     plan: PlannerConfig | None = None
     """of the planner that the generators work along, as its run was trained"""
 

@@ -7,10 +7,9 @@ that of `interpose.train.common.loop`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -21,10 +20,10 @@ from interpose.models.detail_transformer import DetailSize, DetailTransformer, r
 from interpose.models.geometry import joint_positions, to_matrix
 from interpose.models.stitching_cvae import StitchingCVAE
 from interpose.train.common import checkpoint, loop, setup
-from interpose.train.common.config import from_plain, preset_of
+from interpose.train.common.config import TrainingConfig, from_plain, preset_of
 from interpose.train.common.frames import Frames
 from interpose.train.common.gaps import Gaps, draw, evenly
-from interpose.train.common.optimize import descend, scalars
+from interpose.train.common.optimize import fit
 from interpose.train.stitch import recipe
 from interpose.train.stitch.config import StitchConfig
 from interpose.train.stitch.rollout import Stitched
@@ -33,24 +32,16 @@ from interpose.train.stitch.transitions import VALIDATION_LENGTHS, made_gaps
 
 
 @dataclass(frozen=True)
-class DetailConfig:
-    """Everything that decides a training, saved beside its weights."""
+class DetailConfig(TrainingConfig):
+    """Everything that decides a training of the detail transformer."""
 
-    preset: str = "full"
     size: DetailSize = field(default_factory=DetailSize)
     steps: int = 30_000
     rows: int = 256
     learning_rate: float = 2.8e-4
-    warmup: int = 500
-    average: float = 0.999
-    clip: float = 1.0
-    half: bool = True
+    weight_decay: float = 1e-2
     posterior: float = 0.5
     """of the rows, how many follow a plan of the posterior; the rest follow the prior's mean"""
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
-    licence: str = ""
     refines: str = ""
     stitch: dict[str, Any] = field(default_factory=dict)
     """the config of the stitching model"""
@@ -108,27 +99,25 @@ def run(
     model.half_products = config.half
     generator = torch.Generator(device).manual_seed(config.seed)
     set_statistics(model, rough, data, stitch, generator)
-    optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
-    average = loop.moving_average(model, config.average)
-    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
 
-    def update(step: int) -> Mapping[str, Tensor | float]:
-        factor = loop.cosine(step, config.steps, config.warmup, floor=0.01)
-        loop.set_learning_rate(optimizer, config.learning_rate * factor)
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         steps = int(torch.randint(stitch.shortest - 1, stitch.longest, (1,), generator=generator, device=device))
         with torch.autocast(device.type, torch.bfloat16, enabled=False):
             made, true = transitions(rough, data, stitch, steps, config.rows, generator)
-            total, each = refined_loss(model(*made), true, CONTACT_INDICES)
-        descend(total, [model], optimizer, average, model, config.clip)
-        out = scalars(total, each)
-        if (step + 1) % 200 == 0 or step + 1 == config.steps:
-            out |= ratios(cast(DetailTransformer, average.module), rough, held_out, stitch)
-        return out
+            return refined_loss(model(*made), true, CONTACT_INDICES)
 
-    return loop.run(
-        run_dir, config, state, config.steps, update, samples_per_step=config.rows, checkpoint_every=200,
+    return fit(
+        run_dir,
+        config,
+        config.steps,
+        model,
+        loss,
+        lambda average: ratios(average, rough, held_out, stitch),
+        generator,
+        samples_per_step=config.rows,
+        validate_every=200,
         max_minutes=max_minutes,
-    )  # fmt: skip
+    )
 
 
 Transition = tuple[Tensor, Tensor, Tensor]

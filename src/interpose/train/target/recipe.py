@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -23,27 +23,22 @@ from interpose.models.geometry import joint_positions, to_matrix, to_six
 from interpose.models.normal import Normal, divergence
 from interpose.models.target_pose import LONGEST_TARGET_FRAMES, TargetInput, TargetPose, TargetSize, posed, residual
 from interpose.train.common import checkpoint, loop, setup
-from interpose.train.common.config import from_plain, preset_of
+from interpose.train.common.config import TrainingConfig, from_plain, preset_of
 from interpose.train.common.frames import Frames
-from interpose.train.common.optimize import descend, scalars
+from interpose.train.common.optimize import fit
 
 
 @dataclass(frozen=True)
-class TargetConfig:
-    """Everything that decides a training, saved beside its weights."""
+class TargetConfig(TrainingConfig):
+    """Everything that decides a training of the target completion."""
 
-    preset: str = "full"
     completes: str = "target"
     """what the run adds to a model"""
     size: TargetSize = field(default_factory=lambda: TargetSize(hidden=768))
     steps: int = 40_000
     rows: int = 1024
-    learning_rate: float = 1e-3
+    weight_decay: float = 1e-2
     warmup: int = 300
-    average: float = 0.999
-    clip: float = 1.0
-    half: bool = True
-    """bfloat16 products"""
     divergence: float = 1e-3
     """the weight of a nat"""
     free_style: float = 0.3
@@ -52,10 +47,6 @@ class TargetConfig:
     """share whose velocity at the start is known"""
     strayed: float = 0.2
     """share whose start is somewhere else: half a metre away, the usual deviation"""
-    seed: int = 0
-    databases: tuple[str, ...] = ()
-    styles: tuple[str, ...] = ()
-    licence: str = ""
 
 
 PRESETS: dict[str, TargetConfig] = {
@@ -100,24 +91,17 @@ def run(config: TargetConfig, data: Frames, held_out: Frames, run_dir: Path, max
     generator = torch.Generator(device).manual_seed(config.seed)
     set_statistics(model, data, config, generator)
     model.half_products = config.half
-    optimizer = torch.optim.AdamW(model.parameters(), lr=config.learning_rate, weight_decay=1e-2)
-    average = loop.moving_average(model, config.average)
-    state = checkpoint.TrainingState({"model": model, "optimizer": optimizer, "ema": average}, {"rows": generator})
-
-    def update(step: int) -> Mapping[str, Tensor | float]:
-        loop.set_learning_rate(optimizer, config.learning_rate * loop.cosine(step, config.steps, config.warmup, 0.01))
-        known, true = draw(data, config, config.rows, generator)
-        total, each = losses(model, known, true, config, generator)
-        descend(total, [model], optimizer, average, model, config.clip)
-        out = scalars(total, each)
-        if (step + 1) % 500 == 0 or step + 1 == config.steps:
-            out |= ratios(cast(TargetPose, average.module), held_out, config)
-        return out
-
-    return loop.run(
-        run_dir, config, state, config.steps, update, samples_per_step=config.rows, checkpoint_every=500,
+    return fit(
+        run_dir,
+        config,
+        config.steps,
+        model,
+        lambda step: losses(model, *draw(data, config, config.rows, generator), config, generator),
+        lambda average: ratios(average, held_out, config),
+        generator,
+        samples_per_step=config.rows,
         max_minutes=max_minutes,
-    )  # fmt: skip
+    )
 
 
 def losses(
