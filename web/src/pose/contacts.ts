@@ -37,14 +37,8 @@ export function contacts(rig: Feet, rows: Float32Array, first = 0, last = rows.l
   const from = Math.max(0, first - 1);
   const to = Math.min(count, last + 1);
   const feet = rig.feet.length;
-  const wide = tracks(
-    rig,
-    rows,
-    rig.stride,
-    rig.feet.map(({ joint }) => joint),
-    from,
-    to,
-  );
+  const joints = rig.feet.map(({ joint }) => joint);
+  const wide = tracks(rig, rows, rig.stride, joints, from, to);
   const frames = Math.max(0, last - first);
   const states = new Uint8Array(frames * feet);
   for (let frame = 0; frame < frames; frame++) {

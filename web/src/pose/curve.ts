@@ -19,26 +19,6 @@ export function curve(points: readonly Ground[], pieces = 16): Ground[] {
   return [...made, through[last]];
 }
 
-/** `count` points at equal distances along a polyline, including its ends. */
-export function evenly(points: readonly Ground[], count: number): Ground[] {
-  if (points.length < 2 || count < 2) return points.slice(0, count);
-  const lengths = runningLength(points);
-  const total = lengths[lengths.length - 1];
-  const made: Ground[] = [];
-  let at = 0;
-  for (let i = 0; i < count; i++) {
-    const wanted = (total * i) / (count - 1);
-    while (at < points.length - 2 && lengths[at + 1] < wanted) at++;
-    const long = lengths[at + 1] - lengths[at];
-    made.push(mixed(points[at], points[at + 1], long > TINY ? Math.min(1, (wanted - lengths[at]) / long) : 0));
-  }
-  return made;
-}
-
-export function lengthOf(points: readonly Ground[]): number {
-  return points.length === 0 ? 0 : runningLength(points)[points.length - 1];
-}
-
 /** The place of a polyline nearest to a point: its distance, the index of the point before it, and the place. */
 export function nearest(points: readonly Ground[], point: Ground): { distance: number; after: number; place: Ground } {
   let best = { distance: points.length > 0 ? distance(points[0], point) : Infinity, after: 0, place: points[0] ?? point };
@@ -88,11 +68,6 @@ export function thinned(stroke: readonly Ground[], tolerance: number): Ground[] 
 
 export function distance(a: Ground, b: Ground): number {
   return Math.hypot(a[0] - b[0], a[1] - b[1]);
-}
-
-function runningLength(points: readonly Ground[]): number[] {
-  let sum = 0;
-  return points.map((point, i) => (sum += i === 0 ? 0 : distance(point, points[i - 1])));
 }
 
 function mixed(a: Ground, b: Ground, share: number): Ground {

@@ -1,6 +1,6 @@
 /** Limbs that reach by analytic two-bone inverse kinematics, and hips that move over feet that stay. */
 
-import { Quaternion, Vector3 } from "three";
+import { MathUtils, Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
 import {
   forward,
@@ -10,6 +10,7 @@ import {
   placeAt,
   placeOf,
   rotationAt,
+  turnOf,
   type Globals,
   type Skeleton,
   type Triple,
@@ -60,9 +61,9 @@ export function limbAt(rig: Body, joint: number): { limb: Limb; part: "mid" | "e
  */
 export function reach(rig: Body, pose: Pose, limb: Limb, target: Triple, rotation?: Quaternion): Pose {
   const globals = forward(rig, pose);
-  const upper = vector(globals, limb.upper);
-  const mid = vector(globals, limb.mid);
-  const end = vector(globals, limb.end);
+  const upper = placeOf(globals, limb.upper);
+  const mid = placeOf(globals, limb.mid);
+  const end = placeOf(globals, limb.end);
   const above = mid.clone().sub(upper);
   const below = end.clone().sub(mid);
   const a = above.length();
@@ -70,9 +71,9 @@ export function reach(rig: Body, pose: Pose, limb: Limb, target: Triple, rotatio
   const goal = new Vector3(...target).sub(upper);
   if (a < 1e-9 || b < 1e-9) return pose.slice();
   const normal = bendAxis(rig, globals, limb, above, below);
-  const far = Math.min(a + b, Math.max(Math.abs(a - b), goal.length()));
+  const far = MathUtils.clamp(goal.length(), Math.abs(a - b), a + b);
   const bent = angleBetween(above, below);
-  const wanted = Math.acos(clamp((far * far - a * a - b * b) / (2 * a * b)));
+  const wanted = Math.acos(MathUtils.clamp((far * far - a * a - b * b) / (2 * a * b), -1, 1));
   const bend = new Quaternion().setFromAxisAngle(normal, wanted - bent);
   below.applyQuaternion(bend);
   const swing = turnTo(above.clone().add(below), goal, normal);
@@ -82,11 +83,11 @@ export function reach(rig: Body, pose: Pose, limb: Limb, target: Triple, rotatio
 /** A copy of the pose whose limb is turned about the axis from its upper joint to its end, so that its middle points at `toward`. */
 export function turnMiddle(rig: Body, pose: Pose, limb: Limb, toward: Triple): Pose {
   const globals = forward(rig, pose);
-  const upper = vector(globals, limb.upper);
-  const axis = vector(globals, limb.end).sub(upper);
+  const upper = placeOf(globals, limb.upper);
+  const axis = placeOf(globals, limb.end).sub(upper);
   if (axis.lengthSq() < 1e-12) return pose.slice();
   axis.normalize();
-  const from = vector(globals, limb.mid).sub(upper).projectOnPlane(axis);
+  const from = placeOf(globals, limb.mid).sub(upper).projectOnPlane(axis);
   const to = new Vector3(...toward).sub(upper).projectOnPlane(axis);
   if (from.lengthSq() < 1e-8 || to.lengthSq() < 1e-8) return pose.slice();
   const angle = Math.atan2(from.clone().cross(to).dot(axis), from.dot(to));
@@ -97,10 +98,10 @@ export function turnMiddle(rig: Body, pose: Pose, limb: Limb, toward: Triple): P
 export function moveHips(rig: Body, pose: Pose, target: Triple): Pose {
   const before = forward(rig, pose);
   const at = placeOf(before, hipsOf(rig));
-  let moved = shifted(rig, pose, [target[0] - at[0], target[1] - at[1], target[2] - at[2]]);
+  let moved = shifted(rig, pose, [target[0] - at.x, target[1] - at.y, target[2] - at.z]);
   for (const name of ["LeftLeg", "RightLeg"] as const) {
     const limb = limbOf(rig, name);
-    if (limb) moved = reach(rig, moved, limb, placeOf(before, limb.end), turnOf(before, limb.end));
+    if (limb) moved = reach(rig, moved, limb, placeOf(before, limb.end).toArray(), turnOf(before, limb.end));
   }
   return moved;
 }
@@ -116,15 +117,10 @@ export function shifted(rig: Skeleton, pose: Pose, by: Triple): Pose {
   return made;
 }
 
-/** How a joint is turned in the world. */
-export function turnOf(globals: Globals, joint: number): Quaternion {
-  return new Quaternion().fromArray(globals.rotations, 4 * joint);
-}
-
 /** A copy of the pose whose joint is turned by `rotation` in the world; what hangs on it goes along. */
 export function withTurn(rig: Skeleton, pose: Pose, globals: Globals, joint: number, rotation: Quaternion): Pose {
   const made = pose.slice();
-  setLocal(made, joint, localRotation(rig, globals, joint, tuple(rotation)));
+  setLocal(made, joint, localRotation(rig, globals, joint, rotation));
   return made;
 }
 
@@ -144,9 +140,9 @@ function bendAxis(rig: Body, globals: Globals, limb: Limb, above: Vector3, below
 function facing(rig: Body, globals: Globals): Vector3 {
   const { LeftUpLeg, RightUpLeg } = rig.humanoid;
   if (LeftUpLeg === undefined || RightUpLeg === undefined) return new Vector3(0, 0, 1);
-  const across = vector(globals, LeftUpLeg).sub(vector(globals, RightUpLeg));
+  const across = placeOf(globals, LeftUpLeg).sub(placeOf(globals, RightUpLeg));
   const spine = rig.humanoid.Neck ?? rig.humanoid.Head ?? rig.humanoid.Spine;
-  const up = spine === undefined ? new Vector3(0, 1, 0) : vector(globals, spine).sub(vector(globals, RightUpLeg));
+  const up = spine === undefined ? new Vector3(0, 1, 0) : placeOf(globals, spine).sub(placeOf(globals, RightUpLeg));
   const ahead = across.cross(up);
   return ahead.lengthSq() < 1e-12 ? new Vector3(0, 0, 1) : ahead.normalize();
 }
@@ -170,32 +166,15 @@ function turned(
   rotation = turnOf(globals, limb.end),
 ): Pose {
   const made = withTurn(rig, pose, globals, limb.upper, swing.clone().multiply(turnOf(globals, limb.upper)));
-  setLocal(
-    made,
-    limb.mid,
-    localRotation(rig, globals, limb.mid, tuple(bend.clone().multiply(turnOf(globals, limb.mid)))),
-  );
-  setLocal(made, limb.end, localRotation(rig, forward(rig, made), limb.end, tuple(rotation)));
+  setLocal(made, limb.mid, localRotation(rig, globals, limb.mid, bend.clone().multiply(turnOf(globals, limb.mid))));
+  setLocal(made, limb.end, localRotation(rig, forward(rig, made), limb.end, rotation));
   return made;
 }
 
-function setLocal(pose: Pose, joint: number, rotation: readonly number[]): void {
-  const length = Math.hypot(...rotation) || 1;
-  for (let i = 0; i < 4; i++) pose[rotationAt(joint) + i] = rotation[i] / length;
+function setLocal(pose: Pose, joint: number, rotation: Quaternion): void {
+  rotation.normalize().toArray(pose, rotationAt(joint));
 }
 
 function angleBetween(a: Vector3, b: Vector3): number {
   return Math.atan2(a.clone().cross(b).length(), a.dot(b));
-}
-
-function vector(globals: Globals, joint: number): Vector3 {
-  return new Vector3().fromArray(globals.positions, 3 * joint);
-}
-
-function tuple(q: Quaternion): [number, number, number, number] {
-  return [q.x, q.y, q.z, q.w];
-}
-
-function clamp(value: number): number {
-  return Math.min(1, Math.max(-1, value));
 }

@@ -1,5 +1,6 @@
 /** Forward kinematics of one row of any rig, and back. */
 
+import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
 
 export type Skeleton = Pick<Rig, "parents" | "offsets" | "moved">;
@@ -18,48 +19,29 @@ export const rotationAt = (joint: number): number => 3 + 4 * joint;
 /** Where a joint's place starts in a row of a rig whose joints move. */
 export const placeAt = (joints: number, joint: number): number => 3 + 4 * joints + 3 * joint;
 
+/** Without a turn, at the origin. */
+export function newGlobals(joints: number): Globals {
+  return { positions: new Float64Array(3 * joints), rotations: new Float64Array(4 * joints) };
+}
+
+const [turn, above, place, origin] = [new Quaternion(), new Quaternion(), new Vector3(), new Vector3()];
+
 /** Global places and rotations of a pose. The root's place is the row's first three floats. */
-export function forward(rig: Skeleton, pose: Pose, into?: Globals): Globals {
-  const joints = rig.parents.length;
-  const out = into ?? { positions: new Float64Array(3 * joints), rotations: new Float64Array(4 * joints) };
-  const { positions: p, rotations: r } = out;
-  for (let joint = 0; joint < joints; joint++) {
-    const parent = rig.parents[joint];
-    const q = rotationAt(joint);
-    const norm = Math.hypot(pose[q], pose[q + 1], pose[q + 2], pose[q + 3]) || 1;
-    const x = pose[q] / norm;
-    const y = pose[q + 1] / norm;
-    const z = pose[q + 2] / norm;
-    const w = pose[q + 3] / norm;
-    if (parent < 0) {
-      for (let i = 0; i < 3; i++) p[3 * joint + i] = pose[i];
-      r[4 * joint] = x;
-      r[4 * joint + 1] = y;
-      r[4 * joint + 2] = z;
-      r[4 * joint + 3] = w;
-      continue;
+export function forward(rig: Skeleton, pose: Pose, into = newGlobals(rig.parents.length)): Globals {
+  const { positions, rotations } = into;
+  rig.parents.forEach((parent, joint) => {
+    turn.fromArray(pose, rotationAt(joint)).normalize();
+    if (parent < 0) place.fromArray(pose);
+    else {
+      if (rig.moved) place.fromArray(pose, placeAt(rig.parents.length, joint));
+      else place.fromArray(rig.offsets, 3 * joint);
+      turn.premultiply(above.fromArray(rotations, 4 * parent));
+      place.applyQuaternion(above).add(origin.fromArray(positions, 3 * parent));
     }
-    const px = r[4 * parent];
-    const py = r[4 * parent + 1];
-    const pz = r[4 * parent + 2];
-    const pw = r[4 * parent + 3];
-    r[4 * joint] = pw * x + px * w + py * z - pz * y;
-    r[4 * joint + 1] = pw * y - px * z + py * w + pz * x;
-    r[4 * joint + 2] = pw * z + px * y - py * x + pz * w;
-    r[4 * joint + 3] = pw * w - px * x - py * y - pz * z;
-    const from = rig.moved ? pose : rig.offsets;
-    const at = rig.moved ? placeAt(joints, joint) : 3 * joint;
-    const ox = from[at];
-    const oy = from[at + 1];
-    const oz = from[at + 2];
-    const tx = 2 * (py * oz - pz * oy);
-    const ty = 2 * (pz * ox - px * oz);
-    const tz = 2 * (px * oy - py * ox);
-    p[3 * joint] = p[3 * parent] + ox + pw * tx + py * tz - pz * ty;
-    p[3 * joint + 1] = p[3 * parent + 1] + oy + pw * ty + pz * tx - px * tz;
-    p[3 * joint + 2] = p[3 * parent + 2] + oz + pw * tz + px * ty - py * tx;
-  }
-  return out;
+    turn.toArray(rotations, 4 * joint);
+    place.toArray(positions, 3 * joint);
+  });
+  return into;
 }
 
 /** The places of some joints in frames `first` to `last` (without it) of rows: (frame, joint of the list, 3). */
@@ -72,10 +54,7 @@ export function tracks(
   last = rows.length / stride,
 ): Float32Array {
   const found = new Float32Array(Math.max(0, last - first) * joints.length * 3);
-  const globals = {
-    positions: new Float64Array(3 * rig.parents.length),
-    rotations: new Float64Array(4 * rig.parents.length),
-  };
+  const globals = newGlobals(rig.parents.length);
   let at = 0;
   for (let frame = first; frame < last; frame++) {
     forward(rig, rows.subarray(frame * stride, (frame + 1) * stride), globals);
@@ -87,31 +66,19 @@ export function tracks(
 }
 
 /** The place of one joint. */
-export function placeOf(globals: Globals, joint: number): [number, number, number] {
-  const at = 3 * joint;
-  return [globals.positions[at], globals.positions[at + 1], globals.positions[at + 2]];
+export function placeOf(globals: Globals, joint: number): Vector3 {
+  return new Vector3().fromArray(globals.positions, 3 * joint);
+}
+
+/** How a joint is turned in the world. */
+export function turnOf(globals: Globals, joint: number): Quaternion {
+  return new Quaternion().fromArray(globals.rotations, 4 * joint);
 }
 
 /** How a joint has to be turned in its parent's frame to be turned by `rotation` in the world. */
-export function localRotation(
-  rig: Skeleton,
-  globals: Globals,
-  joint: number,
-  rotation: readonly [number, number, number, number],
-): [number, number, number, number] {
+export function localRotation(rig: Skeleton, globals: Globals, joint: number, rotation: Quaternion): Quaternion {
   const parent = rig.parents[joint];
-  const [x, y, z, w] = rotation;
-  if (parent < 0) return [x, y, z, w];
-  const a = -globals.rotations[4 * parent];
-  const b = -globals.rotations[4 * parent + 1];
-  const c = -globals.rotations[4 * parent + 2];
-  const d = globals.rotations[4 * parent + 3];
-  return [
-    d * x + a * w + b * z - c * y,
-    d * y - a * z + b * w + c * x,
-    d * z + a * y - b * x + c * w,
-    d * w - a * x - b * y - c * z,
-  ];
+  return parent < 0 ? rotation.clone() : turnOf(globals, parent).invert().multiply(rotation);
 }
 
 /** The joint that a character is about: its hips, or else its root. Some files keep the root still and move the hips. */

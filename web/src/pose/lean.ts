@@ -2,8 +2,8 @@
 
 import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
-import { turnOf, withTurn } from "./ik";
-import { forward, hangsOn, placeOf, type Skeleton, type Triple } from "./kinematics";
+import { withTurn } from "./ik";
+import { forward, hangsOn, placeOf, turnOf, type Skeleton, type Triple } from "./kinematics";
 
 type Body = Skeleton & Pick<Rig, "humanoid">;
 
@@ -28,8 +28,8 @@ export function lean(rig: Body, pose: Pose, end: number, target: Triple): Pose {
   for (let round = 0; round < ROUNDS && chain.length > 0; round++) {
     chain.forEach((joint, i) => {
       const globals = forward(rig, made);
-      const from = new Vector3(...placeOf(globals, joint));
-      const now = new Vector3(...placeOf(globals, end)).sub(from);
+      const from = placeOf(globals, joint);
+      const now = placeOf(globals, end).sub(from);
       const wanted = goal.clone().sub(from);
       if (now.lengthSq() < 1e-8 || wanted.lengthSq() < 1e-8) return;
       const swing = new Quaternion().setFromUnitVectors(now.normalize(), wanted.normalize());

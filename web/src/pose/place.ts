@@ -2,8 +2,8 @@
 
 import { Quaternion, Vector3 } from "three";
 import type { Pose, Rig } from "../rig";
-import { shifted, turnOf, withTurn } from "./ik";
-import { forward, hipsOf, placeOf, type Skeleton } from "./kinematics";
+import { shifted, withTurn } from "./ik";
+import { forward, hipsOf, placeOf, turnOf, type Skeleton } from "./kinematics";
 
 type Body = Skeleton & Pick<Rig, "humanoid">;
 
@@ -11,7 +11,7 @@ const UP = new Vector3(0, 1, 0);
 
 /** The ground under the hips: x and z. */
 export function groundOf(rig: Body, pose: Pose): [number, number] {
-  const [x, , z] = placeOf(forward(rig, pose), hipsOf(rig));
+  const { x, z } = placeOf(forward(rig, pose), hipsOf(rig));
   return [x, z];
 }
 
@@ -25,13 +25,9 @@ export function turnAboutHips(rig: Body, pose: Pose, angle: number): Pose {
   const globals = forward(rig, pose);
   const [x, z] = groundOf(rig, pose);
   const turn = new Quaternion().setFromAxisAngle(UP, angle);
-  const root = new Vector3().fromArray(globals.positions);
-  const goes = root
-    .clone()
-    .sub(new Vector3(x, 0, z))
-    .applyQuaternion(turn)
-    .add(new Vector3(x, 0, z))
-    .sub(root);
+  const middle = new Vector3(x, 0, z);
+  const root = placeOf(globals, 0);
+  const goes = root.clone().sub(middle).applyQuaternion(turn).add(middle).sub(root);
   const made = withTurn(rig, pose, globals, 0, turn.multiply(turnOf(globals, 0)));
   return shifted(rig, made, [goes.x, 0, goes.z]);
 }
@@ -41,9 +37,7 @@ export function headingOf(rig: Body, pose: Pose): number {
   const globals = forward(rig, pose);
   const { LeftUpLeg, RightUpLeg } = rig.humanoid;
   if (LeftUpLeg !== undefined && RightUpLeg !== undefined) {
-    const left = placeOf(globals, LeftUpLeg);
-    const right = placeOf(globals, RightUpLeg);
-    const [x, z] = [left[0] - right[0], left[2] - right[2]];
+    const { x, z } = placeOf(globals, LeftUpLeg).sub(placeOf(globals, RightUpLeg));
     if (Math.hypot(x, z) > 1e-6) return Math.atan2(-z, x);
   }
   const ahead = new Vector3(0, 0, 1).applyQuaternion(turnOf(globals, 0));

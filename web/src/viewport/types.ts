@@ -48,19 +48,14 @@ export interface View {
   readonly spread: "overlaid" | "side by side";
   readonly galleryPaths: readonly GalleryPathView[];
   readonly drawnPath: DrawnPathView | null;
-  /** The ends for drawing a first path; those of the candidates if null. */
-  readonly ends?: Pick<DrawnPathView, "from" | "to"> | null;
+  /** The ends for drawing a first path. */
+  readonly ends: Pick<DrawnPathView, "from" | "to"> | null;
   /** rotate, reach and place change `pose` by gizmos (if `editable`); draw draws a path on the ground. */
   readonly tool: Tool;
   readonly editable: boolean;
   /** The joint that is turned by the tool rotate. */
   readonly joint: number | null;
-  readonly show: {
-    readonly trails: boolean;
-    readonly contacts: boolean;
-    readonly ghosts: boolean;
-    readonly others: boolean;
-  };
+  readonly show: Readonly<Record<"trails" | "contacts" | "ghosts" | "others", boolean>>;
   readonly theme: "light" | "dark";
   /** The camera follows the character's root on the ground. */
   readonly follow: boolean;

@@ -1,8 +1,7 @@
 /** The 3-D view: shows what `update` receives, and reports edits by events. */
 
 import * as THREE from "three";
-import { groundOf } from "../pose/place";
-import { row, type Pose, type Rig } from "../rig";
+import type { Pose, Rig } from "../rig";
 import { Body, bodyGeometry, paint, sortGhosts } from "./characters/body";
 import { Candidates } from "./characters/candidates";
 import { allPoints, bestSide, characterPoints } from "./scene/framing";
@@ -10,7 +9,7 @@ import { CharacterPicking } from "./picking/characters";
 import { ContactMarks } from "./characters/contacts";
 import { Ghosts } from "./characters/ghosts";
 import { Labels } from "./scene/labels";
-import { DrawnPathEditor, type Ends } from "./paths/drawn-path";
+import { DrawnPathEditor } from "./paths/drawn-path";
 import { bodyMaterial, shadowMaterial } from "./scene/materials";
 import { palettes, type Palette } from "./scene/palette";
 import { hitBones, type Pointer, type Project } from "./picking/geometry";
@@ -58,16 +57,8 @@ export class Viewport {
     this.rotating = new Rotating(stage.camera, project, (joint) => events.pickJoint(joint), change);
     this.reaching = new Reaching(stage.camera, project, change);
     this.placing = new Placing(change, (at) => this.touched(at));
-    const look = (): void => this.look();
-    const characters = new CharacterPicking(
-      this.ghosts,
-      this.candidates,
-      () => this.body,
-      () => this.view,
-      project,
-      events,
-      look,
-    );
+    const [body, view, look] = [() => this.body, () => this.view, () => this.look()];
+    const characters = new CharacterPicking(this.ghosts, this.candidates, body, view, project, events, look);
     const layers = [this.rotating, this.reaching, this.drawnPath, this.placing, characters, this.galleryPaths];
     this.pointing = new Pointing(stage, layers, () => this.missed());
     for (const part of [this.contacts, this.trails, this.ghosts, this.candidates, ...layers, this.labels]) {
@@ -96,7 +87,7 @@ export class Viewport {
     if (view.show.contacts) this.contacts.update(view.rig, view.motion, view.frame, palette);
     this.candidates.update(view, this.geometry, palette);
     this.galleryPaths.update(view.galleryPaths, palette, view.rig?.size ?? 1);
-    this.drawnPath.update(view.drawnPath, this.ends(view), view.tool === "draw", palette, view.rig?.size ?? 1);
+    this.drawnPath.update(view.drawnPath, view.ends, view.tool === "draw", palette, view.rig?.size ?? 1);
     this.tools();
     if (rigged && view.rig && view.pose) this.stage.frame(allPoints(view), bestSide(view.rig, view.pose));
     this.stage.draw();
@@ -125,9 +116,7 @@ export class Viewport {
   dispose(): void {
     this.pointing.dispose();
     this.rig(null);
-    const parts = [this.ghosts, this.trails, this.contacts, this.candidates, this.labels];
-    const tools = [this.galleryPaths, this.drawnPath, this.rotating, this.reaching, this.placing];
-    for (const part of [...parts, ...tools, this.material, this.shadow, this.stage]) part.dispose();
+    for (const part of [this.material, this.shadow, this.stage]) part.dispose();
   }
 
   private get palette(): Palette {
@@ -184,19 +173,10 @@ export class Viewport {
     if (!view) return;
     const usable = view.editable && view.rig && this.shown ? view.rig : null;
     const pose = this.shown;
-    this.rotating.update(view.tool === "rotate" ? usable : null, pose, view.joint, palette);
+    this.rotating.joint = view.joint;
+    this.rotating.update(view.tool === "rotate" ? usable : null, pose, palette);
     this.reaching.update(view.tool === "reach" ? usable : null, pose, palette);
     this.placing.update(view.tool === "place" ? usable : null, pose, palette);
-  }
-
-  /** The ends for drawing a first path. */
-  private ends(view: View): Ends | null {
-    if (view.ends) return view.ends;
-    const { rig } = view;
-    const held = view.candidates.find(({ chosen }) => chosen) ?? view.candidates[0];
-    if (!held || !rig) return null;
-    const at = (frame: number): [number, number] => groundOf(rig, row(held.rows, rig.stride, frame));
-    return { from: at(0), to: at(held.frames - 1) };
   }
 
   private touched(at: Pointer): THREE.Vector3 | null {
@@ -220,22 +200,12 @@ export class Viewport {
 
   private before(): void {
     const { view, palette } = this;
-    const { width, height, ratio, camera } = this.stage;
-    this.trails.screen(width, height, ratio);
-    this.candidates.screen(width, height);
-    this.galleryPaths.screen(width, height);
-    this.drawnPath.screen(width, height, ratio);
-    this.reaching.screen(ratio);
-    this.placing.screen(width, height);
-    this.rotating.draw(height, width, ratio);
-    sortGhosts(
-      [...this.ghosts.bodies, ...this.candidates.characters].map(({ character }) => character),
-      camera,
-    );
+    this.rotating.draw(this.stage.height);
+    const ghosts = [...this.ghosts.bodies, ...this.candidates.characters].map(({ character }) => character);
+    sortGhosts(ghosts, this.stage.camera);
     if (!view) return;
     const numbers = this.candidates.labels(view, view.pose ? this.body : null, palette);
     const named = [this.galleryPaths, this.rotating, this.reaching, this.placing].flatMap((part) => part.labels());
-    this.labels.set([...numbers, ...named], palette, ratio);
-    this.labels.screen(height, camera);
+    this.labels.set([...numbers, ...named], palette, this.stage);
   }
 }

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { curve, distance, evenly, inserted, lengthOf, nearest, thinned, type Ground } from "../../src/pose/curve";
+import { curve, distance, inserted, nearest, thinned, type Ground } from "../../src/pose/curve";
 import { random } from "./rigs";
 
 describe("curves", () => {
@@ -69,31 +69,6 @@ describe("curves", () => {
       const turn = Math.atan2(c[1] - b[1], c[0] - b[0]) - Math.atan2(b[1] - a[1], b[0] - a[0]);
       expect(Math.abs(turn)).toBeLessThan(0.05);
     }
-  });
-
-  it("are sampled at even distances", () => {
-    const line = curve(
-      [
-        [0, 0],
-        [0.2, 0.5],
-        [3, 1],
-        [3, -1],
-      ],
-      50,
-    );
-    const made = evenly(line, 30);
-    expect(made.length).toBe(30);
-    expect(made[0]).toEqual([0, 0]);
-    expect(distance(made[29], [3, -1])).toBeLessThan(1e-9);
-    const steps = made.slice(1).map((point, i) => distance(point, made[i]));
-    expect(Math.max(...steps) / Math.min(...steps)).toBeLessThan(1.06);
-    expect(
-      lengthOf([
-        [0, 0],
-        [3, 4],
-        [3, 5],
-      ]),
-    ).toBe(6);
   });
 
   it("are met where they are nearest", () => {

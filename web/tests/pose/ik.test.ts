@@ -1,12 +1,12 @@
 import { Quaternion, Vector3 } from "three";
 import { describe, expect, it } from "vitest";
-import { LIMBS, limbAt, limbOf, moveHips, reach, shifted, turnMiddle, turnOf, type Limb } from "../../src/pose/ik";
-import { forward, placeOf } from "../../src/pose/kinematics";
+import { LIMBS, limbAt, limbOf, moveHips, reach, shifted, turnMiddle, type Limb } from "../../src/pose/ik";
+import { forward, placeOf, turnOf } from "../../src/pose/kinematics";
 import type { Pose } from "../../src/rig";
 import { humanoid, random, randomPose, randomTurn, rest, type Body } from "./rigs";
 
 function place(rig: Body, pose: Pose, joint: number): Vector3 {
-  return new Vector3(...placeOf(forward(rig, pose), joint));
+  return placeOf(forward(rig, pose), joint);
 }
 
 function lengths(rig: Body, pose: Pose, limb: Limb): [number, number] {
@@ -120,11 +120,11 @@ describe.each([false, true])("two-bone inverse kinematics (rig moved: %s)", (mov
     for (let round = 0; round < 20; round++) {
       const pose = randomPose(rig, next, 0.3);
       const before = forward(rig, pose);
-      const hips = placeOf(before, 0);
+      const hips = placeOf(before, 0).toArray();
       const target = [hips[0] + 0.05 * next(), hips[1] - 0.15, hips[2] - 0.05 * next()] as const;
       const made = moveHips(rig, pose, target);
       const after = forward(rig, made);
-      placeOf(after, 0).forEach((value, i) => expect(value).toBeCloseTo(target[i], 5));
+      placeOf(after, 0).toArray().forEach((value, i) => expect(value).toBeCloseTo(target[i], 5));
       for (const limb of limbs.slice(2)) {
         const [from, to] = [place(rig, pose, limb.end), place(rig, made, limb.end)];
         expect(to.distanceTo(from)).toBeLessThan(1e-4);

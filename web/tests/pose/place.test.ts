@@ -18,7 +18,7 @@ describe.each([false, true])("placing a pose (rig moved: %s)", (moved) => {
     const after = forward(rig, made);
     expect(groundOf(rig, made)[0]).toBeCloseTo(2, 5);
     expect(groundOf(rig, made)[1]).toBeCloseTo(1, 5);
-    const toe = placeOf(after, 4); // was .1 to the left and .15 ahead: ahead is +X now, left is -Z
+    const toe = placeOf(after, 4).toArray(); // was .1 to the left and .15 ahead: ahead is +X now, left is -Z
     expect(toe[0]).toBeCloseTo(2.15, 4);
     expect(toe[2]).toBeCloseTo(0.9, 4);
   });

@@ -1,7 +1,7 @@
 /** Characters of a rig: their shared geometry, and one character in a pose. */
 
 import * as THREE from "three";
-import { forward, hipsOf, type Globals } from "../../pose/kinematics";
+import { forward, hipsOf, newGlobals, placeOf, type Globals } from "../../pose/kinematics";
 import type { Pose, Rig } from "../../rig";
 import { depthMaterial, ghostMaterial, keepUnder } from "../scene/materials";
 import type { Palette } from "../scene/palette";
@@ -10,20 +10,19 @@ import type { Palette } from "../scene/palette";
 export function bodyGeometry(rig: Rig): THREE.BufferGeometry {
   const { vertices, normals, carriers, triangles } = rig.character;
   const count = carriers.length;
-  const index = new Uint32Array(triangles);
   const joints = new Uint16Array(4 * count);
   const weights = new Float32Array(4 * count);
-  for (let i = 0; i < count; i++) {
-    joints[4 * i] = carriers[i];
+  carriers.forEach((joint, i) => {
+    joints[4 * i] = joint;
     weights[4 * i] = 1;
-  }
+  });
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(vertices, 3));
   geometry.setAttribute("normal", new THREE.BufferAttribute(normals, 3));
   geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
   geometry.setAttribute("skinIndex", new THREE.BufferAttribute(joints, 4));
   geometry.setAttribute("skinWeight", new THREE.BufferAttribute(weights, 4));
-  geometry.setIndex(new THREE.BufferAttribute(index, 1));
+  geometry.setIndex(new THREE.Uint32BufferAttribute(triangles, 1));
   return geometry;
 }
 
@@ -58,13 +57,10 @@ export class Body {
     readonly rig: Rig,
     private readonly geometry: THREE.BufferGeometry,
   ) {
-    const joints = rig.parents.length;
-    this.globals = { positions: new Float64Array(3 * joints), rotations: new Float64Array(4 * joints) };
-    this.bones = Array.from({ length: joints }, () => new THREE.Bone());
-    this.skeleton = new THREE.Skeleton(
-      this.bones,
-      this.bones.map(() => new THREE.Matrix4()),
-    );
+    this.globals = newGlobals(rig.parents.length);
+    this.bones = rig.parents.map(() => new THREE.Bone());
+    const inverses = rig.parents.map(() => new THREE.Matrix4());
+    this.skeleton = new THREE.Skeleton(this.bones, inverses);
   }
 
   /** Adds a pass with a material; passes are drawn in the order of the calls. */
@@ -87,8 +83,8 @@ export class Body {
   }
 
   /** The place of a joint in the world. */
-  at(joint: number, into = new THREE.Vector3()): THREE.Vector3 {
-    return into.fromArray(this.globals.positions, 3 * joint).add(this.group.position);
+  at(joint: number): THREE.Vector3 {
+    return placeOf(this.globals, joint).add(this.group.position);
   }
 
   /** Where its hips are. */

@@ -22,11 +22,12 @@ export class Candidates {
   tracks: THREE.Vector3[][] = [];
   hovered: number | null = null;
   private readonly ribbons = new Ribbons(21);
-  private shown: (Pick<View, "rig" | "candidates" | "spread"> & { palette: Palette }) | null = null;
+  /** What the root paths were made from. */
+  private laid: readonly unknown[] = [];
   private poses: (Float32Array | null)[] = [];
 
   constructor() {
-    this.group.add(this.ribbons.mesh);
+    this.group.add(this.ribbons.object);
   }
 
   update(view: View, geometry: THREE.BufferGeometry | null, palette: Palette): void {
@@ -40,12 +41,9 @@ export class Candidates {
       return { index, character };
     });
     this.poses.length = wanted.length;
-    const same =
-      this.shown?.rig === rig &&
-      this.shown.candidates === candidates &&
-      this.shown.spread === spread &&
-      this.shown.palette === palette;
-    if (!same && rig) this.lay(rig, candidates, spread, palette);
+    const from = [rig, candidates, spread, palette];
+    if (rig && !from.every((value, i) => value === this.laid[i])) this.lay(rig, candidates, spread, palette);
+    this.laid = from;
     this.characters.forEach(({ index, character }, i) => {
       const { rows, frames } = candidates[index];
       const pose = row(rows, rig!.stride, Math.max(0, Math.min(frames - 1, Math.round(view.candidateFrame))));
@@ -54,9 +52,8 @@ export class Candidates {
       this.poses[i] = pose;
       character.body.group.position.copy(shiftOf(rig!, candidates, spread, index));
     });
-    this.shown = { rig, candidates, spread, palette };
     this.look(candidates, spread, palette);
-    this.ribbons.mesh.visible = candidates.length > 0 && rig !== null;
+    this.ribbons.object.visible = candidates.length > 0 && rig !== null;
   }
 
   look(candidates: readonly CandidateView[], spread: View["spread"], palette: Palette): void {
@@ -76,21 +73,12 @@ export class Candidates {
     return beside && own && chosen >= 0 ? [...made, this.label(view.candidates, chosen, own, palette)] : made;
   }
 
-  screen(width: number, height: number): void {
-    this.ribbons.screen(width, height);
-  }
-
   clear(): void {
     for (const { character } of this.characters.splice(0)) character.dispose();
     this.poses = [];
-    this.shown = null;
+    this.laid = [];
     this.tracks = [];
     this.ribbons.set([]);
-  }
-
-  dispose(): void {
-    this.clear();
-    this.ribbons.dispose();
   }
 
   private label(candidates: readonly CandidateView[], index: number, body: Body, palette: Palette): Label {
@@ -109,9 +97,8 @@ export class Candidates {
     this.tracks = candidates.map(({ rows, frames }, index) => {
       const shift = shiftOf(rig, candidates, spread, index);
       const places = tracks(rig, rows, rig.stride, [hipsOf(rig)], 0, frames);
-      return Array.from(
-        { length: frames },
-        (_, i) => new THREE.Vector3(places[3 * i] + shift.x, LIFT, places[3 * i + 2] + shift.z),
+      return Array.from({ length: frames }, (_, i) =>
+        new THREE.Vector3().fromArray(places, 3 * i).add(shift).setY(LIFT),
       );
     });
     const ribbons = candidates.map(({ chosen }, index): Ribbon => ({
@@ -120,7 +107,7 @@ export class Candidates {
       width: chosen ? 4 : 2,
       opacity: chosen ? 0.95 : 0.6,
     }));
-    this.ribbons.set([...ribbons.filter((_, i) => !candidates[i].chosen), ...ribbons.filter((_, i) => candidates[i].chosen)]);
+    this.ribbons.set(ribbons.sort((a, b) => a.width - b.width)); // the chosen one on top
   }
 }
 
@@ -136,10 +123,7 @@ export function shiftOf(
   spread: View["spread"],
   index: number,
 ): THREE.Vector3 {
-  const chosen = Math.max(
-    0,
-    candidates.findIndex((candidate) => candidate.chosen),
-  );
+  const chosen = Math.max(0, candidates.findIndex((candidate) => candidate.chosen));
   if (spread === "overlaid" || index === chosen) return new THREE.Vector3();
   const { rows, frames } = candidates[chosen];
   const [from, to] = [0, frames - 1].map((frame) => groundOf(rig, row(rows, rig.stride, frame)));

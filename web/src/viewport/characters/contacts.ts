@@ -19,18 +19,11 @@ export class ContactMarks {
   readonly group = new THREE.Group();
   private readonly under = new Decals(12);
   private readonly prints = new Decals(11);
-  private held: {
-    rig: Rig;
-    motion: Motion;
-    palette: Palette;
-    first: number;
-    last: number;
-    found: Contacts;
-    groups: number[][];
-  } | null = null;
+  /** What is drawn, and what it was made from. */
+  private held: { from: readonly unknown[]; rig: Rig; found: Contacts; groups: number[][] } | null = null;
 
   constructor() {
-    this.group.add(this.under.mesh, this.prints.mesh);
+    this.group.add(this.under.object, this.prints.object);
   }
 
   update(rig: Rig | null, motion: Motion | null, frame: number, palette: Palette): void {
@@ -41,25 +34,15 @@ export class ContactMarks {
     const at = frame - motion.first;
     const [first, last] = drawnFrames(at, motion.rows.length / rig.stride, rig.rate);
     const { held } = this;
-    const same =
-      held?.rig === rig &&
-      held.motion === motion &&
-      held.palette === palette &&
-      held.first === first &&
-      held.last === last;
-    if (!same) {
+    const from = [rig, motion, palette, first, last];
+    if (!held?.from.every((value, i) => value === from[i])) {
       const found = contacts(rig, motion.rows, first, last);
       const groups = footGroups(rig);
-      this.held = { rig, motion, palette, first, last, found, groups };
+      this.held = { from, rig, found, groups };
       this.prints.set(groups.flatMap((group) => prints(rig, found, group, first, palette)));
     }
     this.prints.fade(at, SPAN * rig.rate);
     this.now(Math.round(at) - first, palette);
-  }
-
-  dispose(): void {
-    this.under.dispose();
-    this.prints.dispose();
   }
 
   private clear(): void {
@@ -77,24 +60,13 @@ export class ContactMarks {
         const down = group.filter((foot) => stateOf(found, frame, foot) !== AIR);
         if (down.length === 0) return [];
         const sole = soleOf(rig, found, frame, group, down.length < group.length ? down : group);
-        const colour = slides ? palette.warning : palette.contact;
+        const colour = slides ? palette.warning : palette.accent;
         const base = { ...sole, colour, y: LIFT + 0.002 };
+        const [width, length] = [2.9 * sole.width, sole.length + 1.9 * sole.width];
+        const wide = 0.4 * rig.size;
         return [
-          {
-            ...base,
-            mark: "glow",
-            width: 2.9 * sole.width,
-            length: sole.length + 1.9 * sole.width,
-            opacity: slides ? 0.85 : 0.62,
-          },
-          {
-            ...base,
-            mark: "ring",
-            width: 0.4 * rig.size,
-            length: 0.4 * rig.size,
-            opacity: slides ? 0.75 : 0.3,
-            y: LIFT + 0.003,
-          },
+          { ...base, mark: "glow", width, length, opacity: slides ? 0.85 : 0.62 },
+          { ...base, mark: "ring", width: wide, length: wide, opacity: slides ? 0.75 : 0.3, y: LIFT + 0.003 },
         ];
       }),
     );

@@ -28,10 +28,8 @@ export class Ghosts {
   look(palette: Palette): void {
     for (const { ghost, character } of this.bodies) {
       const hovered = ghost.key === this.hovered;
-      character.look(
-        ghost.selected || hovered ? palette.accent : palette.ghost,
-        ghost.selected ? 0.42 : hovered ? 0.38 : 0.27,
-      );
+      const colour = ghost.selected || hovered ? palette.accent : palette.ghost;
+      character.look(colour, ghost.selected ? 0.42 : hovered ? 0.38 : 0.27);
     }
   }
 

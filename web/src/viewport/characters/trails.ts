@@ -52,7 +52,7 @@ export class Trails {
   private drawn: [number, number] = [0, 0];
 
   constructor() {
-    this.group.add(this.ribbons.mesh, this.ticks.points);
+    this.group.add(this.ribbons.object, this.ticks.object);
   }
 
   update(rig: Rig | null, motion: Motion | null, frame: number, palette: Palette): void {
@@ -73,26 +73,10 @@ export class Trails {
     this.rig = rig;
   }
 
-  screen(width: number, height: number, ratio: number): void {
-    this.ribbons.screen(width, height);
-    this.ticks.screen(ratio);
-  }
-
-  dispose(): void {
-    this.ribbons.dispose();
-    this.ticks.dispose();
-  }
-
   private build(rig: Rig, motion: Motion, [first, last]: [number, number], palette: Palette): void {
     const joints = trailed(rig);
-    const places = tracks(
-      rig,
-      motion.rows,
-      rig.stride,
-      joints.map(({ joint }) => joint),
-      first,
-      last,
-    );
+    const indices = joints.map(({ joint }) => joint);
+    const places = tracks(rig, motion.rows, rig.stride, indices, first, last);
     const keys = new Set(motion.keys);
     const dots: Dot[] = [];
     const ribbons = joints.map(({ paint }, k): Ribbon => {
@@ -104,18 +88,12 @@ export class Trails {
       const colour = root ? palette.faint : palette[paint];
       for (const point of points) {
         const key = keys.has(motion.first + point.time);
-        dots.push({
-          ...point,
-          colour: key ? palette.ink : colour,
-          size: key ? 7 : 3,
-          opacity: key ? 0.95 : 0.85,
-          rim: key ? 1.5 : 0,
-        });
+        const look = key ? { colour: palette.ink, size: 7, opacity: 0.95, rim: 1.5 } : { colour, size: 3, opacity: 0.85 };
+        dots.push({ ...point, ...look });
       }
       return { points, colour, width: root ? 1.5 : 2, opacity: root ? 0.55 : 0.7 };
     });
     this.ribbons.set(ribbons);
-    this.ticks.rim(palette.paper);
-    this.ticks.set(dots);
+    this.ticks.set(dots, palette.paper);
   }
 }

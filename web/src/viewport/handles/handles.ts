@@ -2,7 +2,7 @@
 
 import { Vector3 } from "three";
 import { Dots, type Shape } from "../marks/dots";
-import type { Pointer, Project } from "../picking/geometry";
+import { closest, type Pointer, type Project } from "../picking/geometry";
 
 export interface Handle {
   readonly id: number;
@@ -27,7 +27,6 @@ export class Handles {
 
   set(handles: readonly Handle[], rim: string): void {
     this.held = handles;
-    this.dots.rim(rim);
     this.dots.set(
       handles.map(({ id, place, size, colour, shape, opacity }) => {
         const hovered = id === this.hovered;
@@ -42,6 +41,7 @@ export class Handles {
           opacity: hovered ? 1 : opacity,
         };
       }),
+      rim,
     );
   }
 
@@ -51,17 +51,12 @@ export class Handles {
 
   /** The handle nearest to the pointer, if it is near. */
   at(pointer: Pointer): Handle | null {
-    let best: { handle: Handle; far: number } | null = null;
-    for (const handle of this.held) {
-      const spot = this.project(handle.place);
-      const far = Math.hypot(spot.x - pointer.x, spot.y - pointer.y);
-      if (spot.visible && far < 0.5 * handle.size + 4 + pointer.slack && (!best || far < best.far))
-        best = { handle, far };
-    }
-    return best?.handle ?? null;
-  }
-
-  dispose(): void {
-    this.dots.dispose();
+    const far = ({ place, size }: Handle): number => {
+      const { x, y, visible } = this.project(place);
+      const away = Math.hypot(x - pointer.x, y - pointer.y);
+      return visible && away < 0.5 * size + 4 + pointer.slack ? away : Infinity;
+    };
+    const index = closest(this.held, far, Infinity);
+    return index === null ? null : this.held[index];
   }
 }

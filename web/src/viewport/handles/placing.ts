@@ -2,14 +2,14 @@
 
 import * as THREE from "three";
 import { groundOf, headingOf, moveOnGround, turnAboutHips } from "../../pose/place";
-import type { Pose, Rig } from "../../rig";
+import type { Pose } from "../../rig";
 import { Decals, LIFT, type Decal } from "../marks/decals";
 import type { Label } from "../scene/labels";
-import type { Palette } from "../scene/palette";
 import { onLevel, type Pointer } from "../picking/geometry";
 import type { Drag, Hit, Layer } from "../picking/pointing";
 import { changing, type ChangePose } from "./drag";
 import { Ribbons, type Ribbon } from "../marks/ribbons";
+import { PoseTool } from "./tool";
 import { wrapped } from "./turning";
 
 /** Of a character whose hips are a metre high. */
@@ -18,13 +18,9 @@ const BAND = 0.11;
 
 type Part = "move" | "turn";
 
-export class Placing implements Layer {
-  readonly group = new THREE.Group();
+export class Placing extends PoseTool implements Layer {
   private readonly marks = new Decals(30);
   private readonly ribbons = new Ribbons(31);
-  private rig: Rig | null = null;
-  private pose: Pose | null = null;
-  private palette: Palette | null = null;
   private hovered: Part | null = null;
   private turned: { from: number; by: number } | null = null;
 
@@ -33,25 +29,13 @@ export class Placing implements Layer {
     /** Where a pointer meets the character itself, which can be dragged, too. */
     private readonly body: (at: Pointer) => THREE.Vector3 | null,
   ) {
-    this.group.add(this.marks.mesh, this.ribbons.mesh);
-    this.group.visible = false;
-  }
-
-  update(rig: Rig | null, pose: Pose | null, palette: Palette): void {
-    this.rig = rig;
-    this.pose = pose;
-    this.palette = palette;
-    this.group.visible = rig !== null && pose !== null;
-    this.build();
-  }
-
-  screen(width: number, height: number): void {
-    this.ribbons.screen(width, height);
+    super();
+    this.group.add(this.marks.object, this.ribbons.object);
   }
 
   hit(at: Pointer): Hit | null {
-    const { rig, pose } = this;
-    if (!this.group.visible || !rig || !pose) return null;
+    if (!this.on) return null;
+    const { rig, pose } = this.on;
     const held = this.body(at);
     if (held) return { id: "move", cursor: "move", grab: (from) => this.move(from, held.y) };
     const met = onLevel(at.ray, 0);
@@ -68,8 +52,9 @@ export class Placing implements Layer {
   }
 
   labels(): Label[] {
-    const { rig, pose, turned } = this;
-    if (!rig || !pose || !turned || !this.group.visible) return [];
+    const { on, turned } = this;
+    if (!on || !turned) return [];
+    const { rig, pose } = on;
     const [x, z] = groundOf(rig, pose);
     const angle = turned.from + turned.by;
     const far = 1.35 * RADIUS * rig.size;
@@ -77,14 +62,10 @@ export class Placing implements Layer {
     return [{ text: `${Math.round(THREE.MathUtils.radToDeg(turned.by))}°`, place, strong: true }];
   }
 
-  dispose(): void {
-    this.marks.dispose();
-    this.ribbons.dispose();
-  }
-
-  private build(): void {
-    const { rig, pose, palette, hovered, turned } = this;
-    if (!rig || !pose || !palette) return;
+  protected build(): void {
+    const { on, hovered, turned } = this;
+    if (!on) return;
+    const { rig, pose, palette } = on;
     const [x, z] = groundOf(rig, pose);
     const angle = headingOf(rig, pose);
     const radius = RADIUS * rig.size;
@@ -134,9 +115,9 @@ export class Placing implements Layer {
   }
 
   private move(from: Pointer, level: number): Drag | null {
-    const { rig, pose } = this;
     const start = onLevel(from.ray, level);
-    if (!rig || !pose || !start) return null;
+    if (!this.on || !start) return null;
+    const { rig, pose } = this.on;
     return changing(pose, this.change, (at) => {
       const met = onLevel(at.ray, level, 60);
       return met && moveOnGround(rig, pose, met.x - start.x, met.z - start.z);
@@ -144,8 +125,8 @@ export class Placing implements Layer {
   }
 
   private turn(from: Pointer): Drag | null {
-    const { rig, pose } = this;
-    if (!rig || !pose) return null;
+    if (!this.on) return null;
+    const { rig, pose } = this.on;
     const [x, z] = groundOf(rig, pose);
     const angleAt = (pointer: Pointer): number | null => {
       const met = onLevel(pointer.ray, 0);

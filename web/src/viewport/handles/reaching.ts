@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { LIMBS, limbAt, limbOf, moveHips, reach, shifted, turnMiddle } from "../../pose/ik";
-import { forward, hipsOf } from "../../pose/kinematics";
+import { forward, hipsOf, placeOf } from "../../pose/kinematics";
 import { lean, trunkBelow } from "../../pose/lean";
 import type { Pose, Rig } from "../../rig";
 import { Handles, type Handle } from "./handles";
@@ -10,61 +10,45 @@ import type { Label } from "../scene/labels";
 import type { Palette } from "../scene/palette";
 import { onLevel, onPlane, type Pointer, type Project } from "../picking/geometry";
 import type { Drag, Hit, Layer } from "../picking/pointing";
+import { PoseTool } from "./tool";
 import { changing, type ChangePose } from "./drag";
 
-export class Reaching implements Layer {
-  readonly group = new THREE.Group();
+export class Reaching extends PoseTool implements Layer {
   private readonly handles: Handles;
-  private rig: Rig | null = null;
-  private pose: Pose | null = null;
-  private palette: Palette | null = null;
 
   constructor(
     private readonly camera: THREE.PerspectiveCamera,
     project: Project,
     private readonly change: ChangePose,
   ) {
+    super();
     this.handles = new Handles(803, project);
-    this.group.add(this.handles.dots.points);
-    this.group.visible = false;
-  }
-
-  update(rig: Rig | null, pose: Pose | null, palette: Palette): void {
-    this.rig = rig;
-    this.pose = pose;
-    this.palette = palette;
-    this.group.visible = rig !== null && pose !== null;
-    if (rig && pose) this.handles.set(dots(rig, pose, palette), palette.paper);
-  }
-
-  screen(ratio: number): void {
-    this.handles.dots.screen(ratio);
+    this.group.add(this.handles.dots.object);
   }
 
   hit(at: Pointer): Hit | null {
-    const handle = this.group.visible ? this.handles.at(at) : null;
+    const handle = this.on ? this.handles.at(at) : null;
     return handle ? { id: handle.id, cursor: "grab", grab: (from) => this.grab(handle, from) } : null;
   }
 
   hover(id: Hit["id"] | null): void {
     this.handles.hovered = typeof id === "number" ? id : null;
-    if (this.rig && this.pose && this.palette)
-      this.handles.set(dots(this.rig, this.pose, this.palette), this.palette.paper);
+    this.build();
   }
 
   labels(): Label[] {
     const { hovered } = this.handles;
-    const handle = this.group.visible && hovered !== null ? this.handles.find(hovered) : undefined;
-    return handle && this.rig ? [{ text: this.rig.joints[handle.id], place: handle.place.clone() }] : [];
+    const handle = hovered === null ? undefined : this.handles.find(hovered);
+    return handle && this.on ? [{ text: this.on.rig.joints[handle.id], place: handle.place.clone() }] : [];
   }
 
-  dispose(): void {
-    this.handles.dispose();
+  protected build(): void {
+    if (this.on) this.handles.set(dots(this.on.rig, this.on.pose, this.on.palette), this.on.palette.paper);
   }
 
   private grab(handle: Handle, from: Pointer): Drag | null {
-    const { rig, pose } = this;
-    if (!rig || !pose) return null;
+    if (!this.on) return null;
+    const { rig, pose } = this.on;
     const start = handle.place.clone();
     const view = this.camera.getWorldDirection(new THREE.Vector3()).negate();
     const grabbed = onPlane(from.ray, view, start);
@@ -76,10 +60,7 @@ export class Reaching implements Layer {
       const flat = at.shift && level ? onLevel(at.ray, start.y, 60) : null;
       const met = flat ?? onPlane(at.ray, view, start);
       if (!met) return null;
-      const goal = start
-        .clone()
-        .add(met)
-        .sub(flat && level ? level : grabbed);
+      const goal = start.clone().add(met).sub(flat && level ? level : grabbed);
       if (at.shift) goal.y = start.y;
       const place = goal.toArray();
       if (found?.part === "end") return reach(rig, pose, found.limb, place);
@@ -94,8 +75,8 @@ export class Reaching implements Layer {
 }
 
 function dots(rig: Rig, pose: Pose, palette: Palette): Handle[] {
-  const { positions } = forward(rig, pose);
-  const place = (joint: number): THREE.Vector3 => new THREE.Vector3().fromArray(positions, 3 * joint);
+  const globals = forward(rig, pose);
+  const place = (joint: number): THREE.Vector3 => placeOf(globals, joint);
   const hips = hipsOf(rig);
   const made: Handle[] = [{ id: hips, place: place(hips), size: 15, colour: palette.ink, shape: "square" }];
   for (const joint of [rig.humanoid.Neck, rig.humanoid.Head]) {

@@ -1,16 +1,17 @@
 /** The tool that turns joints: a handle a joint, and rings about the axes of the one that is picked. */
 
 import * as THREE from "three";
-import { turnOf, withTurn } from "../../pose/ik";
-import { forward } from "../../pose/kinematics";
-import type { Pose, Rig } from "../../rig";
+import { withTurn } from "../../pose/ik";
+import { forward, placeOf, turnOf } from "../../pose/kinematics";
+import type { Pose } from "../../rig";
 import { Handles, type Handle } from "./handles";
 import type { Label } from "../scene/labels";
 import type { Palette } from "../scene/palette";
-import { pixelsToPolyline, type Pointer, type Project, type Spot } from "../picking/geometry";
+import { closest, pixelsToPolyline, type Pointer, type Project, type Spot } from "../picking/geometry";
 import type { Drag, Hit, Layer } from "../picking/pointing";
 import { changing, type ChangePose } from "./drag";
 import { Ribbons, type Ribbon } from "../marks/ribbons";
+import { PoseTool } from "./tool";
 import { alongTurn, circle, roundTurn, turnedBy } from "./turning";
 
 /** Pixels of a ring's radius, and the share by which the outer one, across the view, is larger. */
@@ -28,8 +29,9 @@ interface Ring {
   readonly near: boolean[];
 }
 
-export class Rotating implements Layer {
-  readonly group = new THREE.Group();
+export class Rotating extends PoseTool implements Layer {
+  /** The joint that is turned. */
+  joint: number | null = null;
   private readonly handles: Handles;
   private readonly ribbons = new Ribbons(802, true);
   private readonly fill = new THREE.Mesh(
@@ -43,10 +45,6 @@ export class Rotating implements Layer {
       toneMapped: false,
     }),
   );
-  private rig: Rig | null = null;
-  private pose: Pose | null = null;
-  private palette: Palette | null = null;
-  private joint: number | null = null;
   private rings: Ring[] = [];
   private hovered: number | null = null;
   private turning: { ring: number; angle: number; arm: THREE.Vector3; axis: THREE.Vector3 } | null = null;
@@ -57,55 +55,40 @@ export class Rotating implements Layer {
     private readonly pick: (joint: number | null) => void,
     private readonly change: ChangePose,
   ) {
+    super();
     this.handles = new Handles(803, project);
     this.fill.renderOrder = 801;
     this.fill.frustumCulled = false;
-    this.group.add(this.handles.dots.points, this.ribbons.mesh, this.fill);
-    this.group.visible = false;
-  }
-
-  update(rig: Rig | null, pose: Pose | null, joint: number | null, palette: Palette): void {
-    this.rig = rig;
-    this.pose = pose;
-    this.palette = palette;
-    this.joint = rig && joint !== null && joint < rig.parents.length ? joint : null;
-    this.group.visible = rig !== null && pose !== null;
-    if (rig && pose) this.handles.set(this.dots(rig, pose, palette), palette.paper);
+    this.group.add(this.handles.dots.object, this.ribbons.object, this.fill);
   }
 
   /** Before each picture: the rings keep their size on the screen. */
-  draw(height: number, width: number, ratio: number): void {
-    this.handles.dots.screen(ratio);
-    this.ribbons.screen(width, height);
-    const { rig, pose, palette, joint } = this;
-    const shown = this.group.visible && rig && pose && palette && joint !== null;
-    this.ribbons.mesh.visible = Boolean(shown);
-    this.fill.visible = Boolean(shown && this.turning);
-    if (!shown) {
+  draw(height: number): void {
+    const { on, joint } = this;
+    this.ribbons.object.visible = on !== null && joint !== null;
+    this.fill.visible = this.ribbons.object.visible && this.turning !== null;
+    if (!on || joint === null) {
       this.rings = [];
       return;
     }
-    const globals = forward(rig, pose);
-    const centre = new THREE.Vector3().fromArray(globals.positions, 3 * joint);
+    const { palette } = on;
+    const globals = forward(on.rig, on.pose);
+    const centre = placeOf(globals, joint);
     const scale = this.pixel(centre, height);
     this.rings = this.turning ? this.rings : this.makeRings(centre, turnOf(globals, joint), RADIUS * scale, palette);
     this.ribbons.set(
-      this.turning ? this.turnRibbons(centre, palette) : this.rings.map((ring, i) => this.ringRibbon(ring, i)).flat(),
+      this.turning ? this.turnRibbons(centre, palette) : this.rings.map((ring, i) => this.ringRibbon(ring, i)),
     );
   }
 
   hit(at: Pointer): Hit | null {
-    if (!this.group.visible) return null;
-    let best: { ring: number; far: number } | null = null;
-    this.rings.forEach(({ points, near }, ring) => {
+    if (!this.on) return null;
+    const far = ({ points, near }: Ring, ring: number): number => {
       const spots = points.map((point, i): Spot => ({ ...this.project(point), visible: near[i] }));
-      const far = pixelsToPolyline(spots, at.x, at.y) + (ring === 3 ? 2 : 0);
-      if (far < 7 + at.slack && (!best || far < best.far)) best = { ring, far };
-    });
-    if (best) {
-      const { ring } = best as { ring: number };
-      return { id: `ring ${ring}`, cursor: "grab", grab: (from) => this.grab(ring, from) };
-    }
+      return pixelsToPolyline(spots, at.x, at.y) + (ring === 3 ? 2 : 0);
+    };
+    const ring = closest(this.rings, far, 7 + at.slack);
+    if (ring !== null) return { id: `ring ${ring}`, cursor: "grab", grab: (from) => this.grab(ring, from) };
     const handle = this.handles.at(at);
     if (!handle) return null;
     return { id: handle.id, cursor: "pointer", click: () => this.pick(handle.id) };
@@ -114,53 +97,34 @@ export class Rotating implements Layer {
   hover(id: Hit["id"] | null): void {
     this.hovered = typeof id === "string" ? Number(id.slice(5)) : null;
     this.handles.hovered = typeof id === "number" ? id : null;
-    if (this.rig && this.pose && this.palette)
-      this.handles.set(this.dots(this.rig, this.pose, this.palette), this.palette.paper);
+    this.build();
   }
 
   labels(): Label[] {
-    const { rig, turning, joint, handles } = this;
-    if (!rig || !this.group.visible) return [];
+    const { on, turning, joint, handles } = this;
+    if (!on) return [];
     if (turning && joint !== null) {
-      const place = handles.find(joint)?.place.clone() ?? new THREE.Vector3();
-      return [
-        {
-          text: `${Math.round(THREE.MathUtils.radToDeg(turning.angle))}°`,
-          place: place.addScaledVector(turning.arm, 1),
-          strong: true,
-        },
-      ];
+      const place = turning.arm.clone().add(handles.find(joint)?.place ?? new THREE.Vector3());
+      return [{ text: `${Math.round(THREE.MathUtils.radToDeg(turning.angle))}°`, place, strong: true }];
     }
     const named = handles.hovered;
     const handle = named === null ? undefined : handles.find(named);
-    return handle ? [{ text: rig.joints[handle.id], place: handle.place.clone() }] : [];
+    return handle ? [{ text: on.rig.joints[handle.id], place: handle.place.clone() }] : [];
   }
 
-  dispose(): void {
-    this.handles.dispose();
-    this.ribbons.dispose();
-    this.fill.geometry.dispose();
-    this.fill.material.dispose();
-  }
-
-  private dots(rig: Rig, pose: Pose, palette: Palette): Handle[] {
-    const { positions } = forward(rig, pose);
+  protected build(): void {
+    if (!this.on) return;
+    const { rig, pose, palette } = this.on;
+    const globals = forward(rig, pose);
     const parents = new Set(rig.parents);
-    return rig.parents.flatMap((_, joint): Handle[] => {
+    const dots = rig.parents.flatMap((_, joint): Handle[] => {
       const picked = joint === this.joint;
       const end = !parents.has(joint) && !Object.values(rig.humanoid).includes(joint);
       if (end && !picked) return [];
-      const place = new THREE.Vector3().fromArray(positions, 3 * joint);
-      return [
-        {
-          id: joint,
-          place,
-          size: picked ? 11 : 8,
-          colour: picked ? palette.accent : palette.faint,
-          opacity: picked ? 1 : 0.8,
-        },
-      ];
+      const [size, colour, opacity] = picked ? [11, palette.accent, 1] : [8, palette.faint, 0.8];
+      return [{ id: joint, place: placeOf(globals, joint), size, colour, opacity }];
     });
+    this.handles.set(dots, palette.paper);
   }
 
   private pixel(at: THREE.Vector3, height: number): number {
@@ -184,18 +148,12 @@ export class Rotating implements Layer {
     });
   }
 
-  private ringRibbon({ points, colour, near }: Ring, i: number): Ribbon[] {
+  private ringRibbon({ points, colour, near }: Ring, i: number): Ribbon {
     const hovered = i === this.hovered;
     const width = hovered ? 4 : i === 3 ? 1.5 : 2.5;
     const opacity = hovered ? 1 : this.hovered === null ? 0.9 : 0.5;
-    return [
-      {
-        points: points.map((point, k) => ({ x: point.x, y: point.y, z: point.z, opacity: near[k] ? 1 : 0.16 })),
-        colour,
-        width,
-        opacity,
-      },
-    ];
+    const faded = points.map(({ x, y, z }, k) => ({ x, y, z, opacity: near[k] ? 1 : 0.16 }));
+    return { points: faded, colour, width, opacity };
   }
 
   /** While a ring is turned: it alone, and the sector it was turned by. */
@@ -204,18 +162,15 @@ export class Rotating implements Layer {
     const { points, colour } = this.rings[ring];
     const steps = Math.max(2, Math.min(240, Math.ceil(Math.abs(angle) / 0.06)));
     const arc = Array.from({ length: steps + 1 }, (_, i) =>
-      arm
-        .clone()
-        .applyAxisAngle(axis, (angle * i) / steps)
-        .add(centre),
+      arm.clone().applyAxisAngle(axis, (angle * i) / steps).add(centre),
     );
     const flat = [centre, ...arc].flatMap((point) => point.toArray());
     this.fill.geometry.dispose();
     this.fill.geometry = new THREE.BufferGeometry();
     this.fill.geometry.setAttribute("position", new THREE.Float32BufferAttribute(flat, 3));
     this.fill.geometry.setIndex(Array.from({ length: steps }, (_, i) => [0, i + 1, i + 2]).flat());
-    this.fill.material.color.set(ring === 3 ? palette.accent : colour);
     const tint = ring === 3 ? palette.accent : colour;
+    this.fill.material.color.set(tint);
     return [
       { points, colour: tint, width: 2, opacity: 0.5 },
       { points: [arc[0], centre, arc[steps]], colour: tint, width: 1.5, opacity: 0.9 },
@@ -224,21 +179,18 @@ export class Rotating implements Layer {
   }
 
   private grab(index: number, from: Pointer): Drag | null {
-    const { rig, pose, joint } = this;
+    const { on, joint } = this;
     const ring = this.rings[index];
-    if (!rig || !pose || joint === null || !ring) return null;
+    if (!on || joint === null || !ring) return null;
+    const { rig, pose } = on;
     const globals = forward(rig, pose);
-    const centre = new THREE.Vector3().fromArray(globals.positions, 3 * joint);
+    const centre = placeOf(globals, joint);
     const start = turnOf(globals, joint);
     const axis = ring.axis.clone();
     const view = this.camera.position.clone().sub(centre).normalize();
     const spots = ring.points.map(this.project);
-    let nearest = 0;
-    let best = Infinity;
-    spots.forEach((spot, i) => {
-      const far = Math.hypot(spot.x - from.x, spot.y - from.y);
-      if (ring.near[i] && far < best) [nearest, best] = [i, far];
-    });
+    const far = (spot: Spot, i: number): number => (ring.near[i] ? Math.hypot(spot.x - from.x, spot.y - from.y) : Infinity);
+    const nearest = closest(spots, far, Infinity) ?? 0;
     const arm = ring.points[nearest].clone().sub(centre);
     const step = axis.clone().cross(arm).multiplyScalar(0.05).add(ring.points[nearest]);
     const [here, there] = [spots[nearest], this.project(step)];

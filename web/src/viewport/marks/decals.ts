@@ -1,7 +1,7 @@
 /** Soft marks that lie on the ground: many in one draw call. */
 
 import * as THREE from "three";
-import { Marks } from "./marks";
+import { allocated, Marks } from "./marks";
 import { FADE } from "./ribbons";
 
 /** glow: soft towards its edge. sole: the print of a foot. arrow: points along. disc: filled. ring: its rim alone. */
@@ -26,7 +26,7 @@ const MARKS: readonly Mark[] = ["glow", "sole", "arrow", "disc", "ring"];
 /** Above the ground, so that nothing flickers where marks lie on it. */
 export const LIFT = 0.004;
 
-const vertex = `attribute vec2 corner; attribute vec4 tint; attribute float mark; attribute float time;
+const vertexShader = `attribute vec2 corner; attribute vec4 tint; attribute float mark; attribute float time;
   varying vec4 vTint; varying vec2 vCorner; varying float vMark;
   ${FADE}
   void main() {
@@ -36,7 +36,7 @@ const vertex = `attribute vec2 corner; attribute vec4 tint; attribute float mark
     gl_Position = projectionMatrix * modelViewMatrix * vec4( position, 1.0 );
   }`;
 
-const fragment = `varying vec4 vTint; varying vec2 vCorner; varying float vMark;
+const fragmentShader = `varying vec4 vTint; varying vec2 vCorner; varying float vMark;
   float edge( float d ) { float w = max( fwidth( d ), 1e-4 ); return 1.0 - smoothstep( -w, w, d ); }
   float oval( vec2 p, vec2 c, vec2 r ) { vec2 q = ( p - c ) / r; return ( length( q ) - 1.0 ) * min( r.x, r.y ); }
   float join( float a, float b, float k ) {
@@ -71,35 +71,16 @@ const CORNERS: readonly (readonly [number, number])[] = [
   [1, 1],
 ];
 
-export class Decals extends Marks<Decal, THREE.Mesh<THREE.BufferGeometry, THREE.ShaderMaterial>> {
+export class Decals extends Marks<Decal> {
   constructor(order: number) {
-    const material = new THREE.ShaderMaterial({
-      vertexShader: vertex,
-      fragmentShader: fragment,
-      uniforms: { now: { value: 0 }, span: { value: 0 } },
-      transparent: true,
-      depthWrite: false,
-      side: THREE.DoubleSide,
-    });
-    super(new THREE.Mesh(new THREE.BufferGeometry(), material), order);
-  }
-
-  get mesh(): THREE.Mesh {
-    return this.object;
-  }
-
-  protected geometry(marks: readonly Decal[]): THREE.BufferGeometry {
-    return decalGeometry(marks);
+    super(THREE.Mesh, { vertexShader, fragmentShader }, decalGeometry, order);
   }
 }
 
 export function decalGeometry(decals: readonly Decal[]): THREE.BufferGeometry {
-  const count = 4 * decals.length;
-  const position = new Float32Array(3 * count);
-  const corner = new Float32Array(2 * count);
-  const tint = new Float32Array(4 * count);
-  const mark = new Float32Array(count);
-  const time = new Float32Array(count);
+  const sizes = { position: 3, corner: 2, tint: 4, mark: 1, time: 1 };
+  const { geometry, arrays } = allocated(4 * decals.length, sizes);
+  const { position, corner, tint, mark, time } = arrays;
   const index: number[] = [];
   decals.forEach((decal, i) => {
     const { r, g, b } = new THREE.Color(decal.colour);
@@ -107,10 +88,8 @@ export function decalGeometry(decals: readonly Decal[]): THREE.BufferGeometry {
     CORNERS.forEach(([u, v], k) => {
       const at = 4 * i + k;
       const [across, along] = [0.5 * u * decal.width, 0.5 * v * (decal.length ?? decal.width)];
-      position.set(
-        [decal.x + across * cos + along * sin, decal.y ?? LIFT, decal.z - across * sin + along * cos],
-        3 * at,
-      );
+      const [x, z] = [decal.x + across * cos + along * sin, decal.z - across * sin + along * cos];
+      position.set([x, decal.y ?? LIFT, z], 3 * at);
       corner.set([u, v], 2 * at);
       tint.set([r, g, b, decal.opacity ?? 1], 4 * at);
       mark[at] = MARKS.indexOf(decal.mark);
@@ -118,12 +97,6 @@ export function decalGeometry(decals: readonly Decal[]): THREE.BufferGeometry {
     });
     index.push(4 * i, 4 * i + 1, 4 * i + 2, 4 * i + 2, 4 * i + 1, 4 * i + 3);
   });
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-  geometry.setAttribute("corner", new THREE.BufferAttribute(corner, 2));
-  geometry.setAttribute("tint", new THREE.BufferAttribute(tint, 4));
-  geometry.setAttribute("mark", new THREE.BufferAttribute(mark, 1));
-  geometry.setAttribute("time", new THREE.BufferAttribute(time, 1));
   geometry.setIndex(index);
   return geometry;
 }

@@ -1,7 +1,7 @@
 /** Round, square and diamond marks of a size in pixels: many in one draw call. */
 
 import * as THREE from "three";
-import { Marks } from "./marks";
+import { allocated, Marks } from "./marks";
 import { FADE } from "./ribbons";
 
 export type Shape = "disc" | "diamond" | "square";
@@ -21,7 +21,7 @@ export interface Dot {
 
 const SHAPES: readonly Shape[] = ["disc", "diamond", "square"];
 
-const vertex = `attribute float size; attribute vec4 tint; attribute vec2 form; attribute float time;
+const vertexShader = `attribute float size; attribute vec4 tint; attribute vec2 form; attribute float time;
   uniform float ratio;
   varying vec4 vTint; varying float vSize; varying vec2 vForm;
   ${FADE}
@@ -33,7 +33,7 @@ const vertex = `attribute float size; attribute vec4 tint; attribute vec2 form; 
     gl_PointSize = vTint.a < 0.004 ? 0.0 : vSize * ratio;
   }`;
 
-const fragment = `uniform vec3 rim; uniform float ratio;
+const fragmentShader = `uniform vec3 rim; uniform float ratio;
   varying vec4 vTint; varying float vSize; varying vec2 vForm;
   void main() {
     vec2 p = ( gl_PointCoord - 0.5 ) * vSize;
@@ -49,42 +49,15 @@ const fragment = `uniform vec3 rim; uniform float ratio;
     #include <colorspace_fragment>
   }`;
 
-export class Dots extends Marks<Dot, THREE.Points<THREE.BufferGeometry, THREE.ShaderMaterial>> {
+export class Dots extends Marks<Dot> {
   constructor(order: number, onTop = false) {
-    const material = new THREE.ShaderMaterial({
-      vertexShader: vertex,
-      fragmentShader: fragment,
-      uniforms: { ratio: { value: 1 }, rim: { value: new THREE.Color() }, now: { value: 0 }, span: { value: 0 } },
-      transparent: true,
-      depthWrite: false,
-    });
-    super(new THREE.Points(new THREE.BufferGeometry(), material), order, onTop);
-  }
-
-  get points(): THREE.Points {
-    return this.object;
-  }
-
-  rim(colour: string): void {
-    this.material.uniforms.rim.value.set(colour);
-  }
-
-  screen(ratio: number): void {
-    this.material.uniforms.ratio.value = ratio;
-  }
-
-  protected geometry(marks: readonly Dot[]): THREE.BufferGeometry {
-    return dotGeometry(marks);
+    super(THREE.Points, { vertexShader, fragmentShader }, dotGeometry, order, onTop);
   }
 }
 
 export function dotGeometry(dots: readonly Dot[]): THREE.BufferGeometry {
-  const count = dots.length;
-  const position = new Float32Array(3 * count);
-  const size = new Float32Array(count);
-  const tint = new Float32Array(4 * count);
-  const form = new Float32Array(2 * count);
-  const time = new Float32Array(count);
+  const { geometry, arrays } = allocated(dots.length, { position: 3, size: 1, tint: 4, form: 2, time: 1 });
+  const { position, size, tint, form, time } = arrays;
   const colours = new Map<string, THREE.Color>();
   dots.forEach((dot, i) => {
     const colour = colours.get(dot.colour) ?? new THREE.Color(dot.colour);
@@ -95,11 +68,5 @@ export function dotGeometry(dots: readonly Dot[]): THREE.BufferGeometry {
     form.set([dot.rim ?? 0, SHAPES.indexOf(dot.shape ?? "disc")], 2 * i);
     time[i] = dot.time ?? 0;
   });
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-  geometry.setAttribute("size", new THREE.BufferAttribute(size, 1));
-  geometry.setAttribute("tint", new THREE.BufferAttribute(tint, 4));
-  geometry.setAttribute("form", new THREE.BufferAttribute(form, 2));
-  geometry.setAttribute("time", new THREE.BufferAttribute(time, 1));
   return geometry;
 }

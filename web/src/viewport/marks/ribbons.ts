@@ -1,7 +1,7 @@
 /** Polylines of a width in pixels, with a colour, an opacity and a time at each point: many in one draw call. */
 
 import * as THREE from "three";
-import { Marks } from "./marks";
+import { allocated, Marks } from "./marks";
 
 export interface RibbonPoint {
   readonly x: number;
@@ -26,7 +26,7 @@ export const FADE = `uniform float now; uniform float span;
     return pow( max( 0.0, 1.0 - away ), 1.35 );
   }`;
 
-const vertex = `attribute vec3 before; attribute vec3 after; attribute float side; attribute float width;
+const vertexShader = `attribute vec3 before; attribute vec3 after; attribute float side; attribute float width;
   attribute vec4 tint; attribute float time;
   uniform vec2 screen;
   varying vec4 vTint; varying float vAcross; varying float vHalf;
@@ -61,38 +61,17 @@ const vertex = `attribute vec3 before; attribute vec3 after; attribute float sid
     gl_Position = clip;
   }`;
 
-const fragment = `uniform float strength;
-  varying vec4 vTint; varying float vAcross; varying float vHalf;
+const fragmentShader = `varying vec4 vTint; varying float vAcross; varying float vHalf;
   void main() {
-    float alpha = vTint.a * strength * clamp( vHalf + 0.5 - abs( vAcross ), 0.0, 1.0 );
+    float alpha = vTint.a * clamp( vHalf + 0.5 - abs( vAcross ), 0.0, 1.0 );
     if ( alpha < 0.004 ) discard;
     gl_FragColor = vec4( vTint.rgb, alpha );
     #include <colorspace_fragment>
   }`;
 
-export class Ribbons extends Marks<Ribbon, THREE.Mesh<THREE.BufferGeometry, THREE.ShaderMaterial>> {
+export class Ribbons extends Marks<Ribbon> {
   constructor(order: number, onTop = false) {
-    const material = new THREE.ShaderMaterial({
-      vertexShader: vertex,
-      fragmentShader: fragment,
-      uniforms: { screen: { value: new THREE.Vector2(1, 1) }, now: { value: 0 }, span: { value: 0 }, strength: { value: 1 } },
-      transparent: true,
-      depthWrite: false,
-      side: THREE.DoubleSide,
-    });
-    super(new THREE.Mesh(new THREE.BufferGeometry(), material), order, onTop);
-  }
-
-  get mesh(): THREE.Mesh {
-    return this.object;
-  }
-
-  screen(width: number, height: number): void {
-    this.material.uniforms.screen.value.set(width, height);
-  }
-
-  protected geometry(marks: readonly Ribbon[]): THREE.BufferGeometry {
-    return ribbonGeometry(marks);
+    super(THREE.Mesh, { vertexShader, fragmentShader }, ribbonGeometry, order, onTop);
   }
 }
 
@@ -100,13 +79,9 @@ export class Ribbons extends Marks<Ribbon, THREE.Mesh<THREE.BufferGeometry, THRE
 export function ribbonGeometry(ribbons: readonly Ribbon[]): THREE.BufferGeometry {
   const drawn = ribbons.filter((ribbon) => ribbon.points.length > 1);
   const count = 2 * drawn.reduce((sum, ribbon) => sum + ribbon.points.length, 0);
-  const position = new Float32Array(3 * count);
-  const before = new Float32Array(3 * count);
-  const after = new Float32Array(3 * count);
-  const side = new Float32Array(count);
-  const width = new Float32Array(count);
-  const tint = new Float32Array(4 * count);
-  const time = new Float32Array(count);
+  const sizes = { position: 3, before: 3, after: 3, side: 1, width: 1, tint: 4, time: 1 };
+  const { geometry, arrays } = allocated(count, sizes);
+  const { position, before, after, side, width, tint, time } = arrays;
   const index: number[] = [];
   let at = 0;
   for (const { points, colour, width: wide, opacity = 1 } of drawn) {
@@ -127,14 +102,6 @@ export function ribbonGeometry(ribbons: readonly Ribbon[]): THREE.BufferGeometry
       if (i + 1 < points.length) index.push(at - 2, at - 1, at, at, at - 1, at + 1);
     });
   }
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-  geometry.setAttribute("before", new THREE.BufferAttribute(before, 3));
-  geometry.setAttribute("after", new THREE.BufferAttribute(after, 3));
-  geometry.setAttribute("side", new THREE.BufferAttribute(side, 1));
-  geometry.setAttribute("width", new THREE.BufferAttribute(width, 1));
-  geometry.setAttribute("tint", new THREE.BufferAttribute(tint, 4));
-  geometry.setAttribute("time", new THREE.BufferAttribute(time, 1));
   geometry.setIndex(index);
   return geometry;
 }

@@ -37,7 +37,7 @@ export class DrawnPathEditor implements Layer {
     private readonly change: (points: Points, phase: Phase) => void,
   ) {
     this.handles = new Handles(804, project);
-    this.group.add(this.curve.mesh, this.marks.mesh, this.handles.dots.points);
+    this.group.add(this.curve.object, this.marks.object, this.handles.dots.object);
   }
 
   /** ends: of the gap, for drawing a first path. */
@@ -53,13 +53,10 @@ export class DrawnPathEditor implements Layer {
 
   hit(at: Pointer): Hit | null {
     const handle = this.handles.at(at);
-    if (handle)
-      return {
-        id: handle.id,
-        cursor: "grab",
-        click: () => (this.touched = handle.id),
-        grab: (from) => this.drag(handle.id, from),
-      };
+    if (handle) {
+      const { id } = handle;
+      return { id, cursor: "grab", click: () => (this.touched = id), grab: (from) => this.drag(id, from) };
+    }
     if (this.path && pixelsToPolyline(this.spots(), at.x, at.y) < 8 + at.slack) {
       return { id: "path", cursor: "copy", grab: this.drawing ? () => this.draw(at) : undefined };
     }
@@ -92,17 +89,6 @@ export class DrawnPathEditor implements Layer {
     return true;
   }
 
-  screen(width: number, height: number, ratio: number): void {
-    this.curve.screen(width, height);
-    this.handles.dots.screen(ratio);
-  }
-
-  dispose(): void {
-    this.curve.dispose();
-    this.marks.dispose();
-    this.handles.dispose();
-  }
-
   private report(points: Points): void {
     this.change(points, "start");
     this.change(points, "end");
@@ -127,12 +113,9 @@ export class DrawnPathEditor implements Layer {
     this.curve.set([{ points: drawn.map(([x, z]) => ({ x, y: LIFT + 0.005, z })), colour, width: 4, opacity: 0.95 }]);
     const held: Points = stroke ? [] : (this.dragged ?? this.path?.points ?? []);
     this.handles.set(
-      held.map(([x, z], id): Handle => ({
-        id,
-        place: new THREE.Vector3(x, LIFT, z),
-        size: id === this.touched ? 15 : 13,
-        colour,
-      })),
+      held.map(([x, z], id): Handle => {
+        return { id, place: new THREE.Vector3(x, LIFT, z), size: id === this.touched ? 15 : 13, colour };
+      }),
       palette.paper,
     );
     const ends = drawn.length > 1 || this.drawing ? this.ends : null;

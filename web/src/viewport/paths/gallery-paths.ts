@@ -2,10 +2,10 @@
 
 import * as THREE from "three";
 import { curve } from "../../pose/curve";
-import { Decals, LIFT } from "../marks/decals";
+import { Decals, LIFT, type Decal } from "../marks/decals";
 import type { Label } from "../scene/labels";
 import type { Palette } from "../scene/palette";
-import { pixelsToPolyline, type Pointer, type Project } from "../picking/geometry";
+import { closest, pixelsToPolyline, type Pointer, type Project } from "../picking/geometry";
 import type { Hit, Layer } from "../picking/pointing";
 import { Ribbons, type Ribbon } from "../marks/ribbons";
 import type { GalleryPathView } from "../types";
@@ -27,7 +27,7 @@ export class GalleryPaths implements Layer {
     private readonly project: Project,
     private readonly pick: (index: number) => void,
   ) {
-    this.group.add(this.ribbons.mesh, this.heads.mesh);
+    this.group.add(this.ribbons.object, this.heads.object);
   }
 
   update(paths: readonly GalleryPathView[], palette: Palette, size: number): void {
@@ -47,14 +47,9 @@ export class GalleryPaths implements Layer {
   }
 
   hit(at: Pointer): Hit | null {
-    let best: { index: number; far: number } | null = null;
-    this.places.forEach((places, index) => {
-      const far = pixelsToPolyline(places.map(this.project), at.x, at.y);
-      if (far < 9 + at.slack && (!best || far < best.far)) best = { index, far };
-    });
-    if (!best) return null;
-    const { index } = best as { index: number };
-    return { id: index, cursor: "pointer", click: () => this.pick(index) };
+    const far = (places: THREE.Vector3[]): number => pixelsToPolyline(places.map(this.project), at.x, at.y);
+    const index = closest(this.places, far, 9 + at.slack);
+    return index === null ? null : { id: index, cursor: "pointer", click: () => this.pick(index) };
   }
 
   hover(id: Hit["id"] | null): void {
@@ -65,26 +60,11 @@ export class GalleryPaths implements Layer {
   labels(): Label[] {
     return this.paths.flatMap((path, i) => {
       const places = this.places[i];
-      if (places.length === 0 || !path.label || (i !== this.hovered && !(path.chosen && this.hovered === null)))
-        return [];
-      return [
-        {
-          text: path.label,
-          place: places[Math.floor(0.62 * (places.length - 1))].clone(),
-          colour: this.colour(i),
-          strong: i === this.hovered,
-        },
-      ];
+      const strong = i === this.hovered;
+      if (places.length === 0 || !(strong || (path.chosen && this.hovered === null))) return [];
+      const place = places[Math.floor(0.62 * (places.length - 1))].clone();
+      return [{ text: path.label, place, colour: this.colour(i), strong }];
     });
-  }
-
-  screen(width: number, height: number): void {
-    this.ribbons.screen(width, height);
-  }
-
-  dispose(): void {
-    this.ribbons.dispose();
-    this.heads.dispose();
   }
 
   private colour(i: number): string {
@@ -100,34 +80,21 @@ export class GalleryPaths implements Layer {
       seen.map((i): Ribbon => {
         const strong = strength(i) > 0;
         const points = this.places[i].map(({ x, z }) => ({ x, y: LIFT + (strong ? 0.003 : 0.001), z }));
-        return {
-          points,
-          colour: this.colour(i),
-          width: strong ? 5 : 3,
-          opacity: strong ? 1 : this.hovered === null ? 0.7 : 0.4,
-        };
+        const opacity = strong ? 1 : this.hovered === null ? 0.7 : 0.4;
+        return { points, colour: this.colour(i), width: strong ? 5 : 3, opacity };
       }),
     );
     this.heads.set(
-      seen.map((i) => {
+      seen.map((i): Decal => {
         const places = this.places[i];
-        const [end, near] = [
-          places[places.length - 1],
-          places[Math.max(0, places.length - 1 - Math.ceil(places.length / 16))],
-        ];
-        const angle = Math.atan2(end.x - near.x, end.z - near.z);
-        const wide = (strength(i) > 0 ? 0.19 : 0.15) * this.size;
-        return {
-          x: end.x,
-          z: end.z,
-          y: LIFT + 0.004,
-          angle,
-          width: wide,
-          length: 1.4 * wide,
-          mark: "arrow",
-          colour: this.colour(i),
-          opacity: strength(i) > 0 ? 1 : 0.8,
-        };
+        const last = places.length - 1;
+        const { x, z } = places[last];
+        const near = places[Math.max(0, last - Math.ceil(places.length / 16))];
+        const angle = Math.atan2(x - near.x, z - near.z);
+        const strong = strength(i) > 0;
+        const width = (strong ? 0.19 : 0.15) * this.size;
+        const [colour, opacity] = [this.colour(i), strong ? 1 : 0.8];
+        return { x, z, y: LIFT + 0.004, angle, width, length: 1.4 * width, mark: "arrow", colour, opacity };
       }),
     );
   }

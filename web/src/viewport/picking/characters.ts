@@ -3,7 +3,7 @@
 import type { Body } from "../characters/body";
 import type { Candidates } from "../characters/candidates";
 import type { Ghosts } from "../characters/ghosts";
-import { hitBones, pixelsToPolyline, type Pointer, type Project } from "./geometry";
+import { closest, hitBones, pixelsToPolyline, type Pointer, type Project } from "./geometry";
 import type { Hit, Layer } from "./pointing";
 import type { Events, View } from "../types";
 
@@ -49,12 +49,11 @@ export class CharacterPicking implements Layer {
       if (met) found.push({ distance: met.distance, hit: this.candidateHit(index) });
     }
     if (found.length > 0) return found.reduce((a, b) => (b.distance < a.distance ? b : a)).hit;
-    return this.trackHit(at, view);
+    return this.trackHit(at);
   }
 
   hover(id: Hit["id"] | null): void {
-    const [kind, name] =
-      typeof id === "string" ? [id.slice(0, id.indexOf(" ")), id.slice(id.indexOf(" ") + 1)] : ["", ""];
+    const [kind, name] = String(id).split(" ");
     this.ghosts.hovered = kind === "key" ? name : null;
     this.candidates.hovered = kind === "candidate" ? Number(name) : null;
     this.changed();
@@ -64,13 +63,11 @@ export class CharacterPicking implements Layer {
     return { id: `candidate ${index}`, cursor: "pointer", click: () => this.events.pickCandidate(index) };
   }
 
-  private trackHit(at: Pointer, view: View): Hit | null {
-    let best: { index: number; far: number } | null = null;
-    for (const { index } of this.candidates.characters) {
-      if (view.candidates[index]?.chosen) continue;
-      const far = pixelsToPolyline(this.candidates.tracks[index]?.map(this.project) ?? [], at.x, at.y);
-      if (far < 6 + at.slack && (!best || far < best.far)) best = { index, far };
-    }
-    return best && this.candidateHit((best as { index: number }).index);
+  private trackHit(at: Pointer): Hit | null {
+    const { characters, tracks } = this.candidates;
+    const far = ({ index }: { index: number }): number =>
+      pixelsToPolyline(tracks[index]?.map(this.project) ?? [], at.x, at.y);
+    const nearest = closest(characters, far, 6 + at.slack);
+    return nearest === null ? null : this.candidateHit(characters[nearest].index);
   }
 }

@@ -1,7 +1,7 @@
 /** Geometry of picking: distances of a pointer to polylines and bodies. */
 
 import { Plane, Ray, Vector3 } from "three";
-import { aboveHips, type Globals } from "../../pose/kinematics";
+import { aboveHips, placeOf, type Globals } from "../../pose/kinematics";
 import type { Rig } from "../../rig";
 
 export interface Spot {
@@ -36,6 +36,16 @@ export function pixelsToPolyline(spots: readonly Spot[], x: number, y: number): 
   return best;
 }
 
+/** The index of the item with the least distance below a limit; null if there is none. */
+export function closest<Item>(items: readonly Item[], far: (item: Item, index: number) => number, limit: number): number | null {
+  let best: number | null = null;
+  for (const [index, item] of items.entries()) {
+    const distance = far(item, index);
+    if (distance < limit) [best, limit] = [index, distance];
+  }
+  return best;
+}
+
 /** The bone that a ray hits, as if each were `radius` thick: how far away, and its upper joint; null where none. */
 export function hitBones(
   rig: Pick<Rig, "parents" | "humanoid">,
@@ -44,12 +54,11 @@ export function hitBones(
   ray: Ray,
   radius: number,
 ): { distance: number; joint: number; point: Vector3 } | null {
-  const [a, b, onRay, onBone] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
+  const [onRay, onBone] = [new Vector3(), new Vector3()];
   let best: { distance: number; joint: number; point: Vector3 } | null = null;
   rig.parents.forEach((parent, joint) => {
     if (parent < 0 || aboveHips(rig, parent)) return;
-    a.fromArray(globals.positions, 3 * parent).add(shift);
-    b.fromArray(globals.positions, 3 * joint).add(shift);
+    const [a, b] = [placeOf(globals, parent).add(shift), placeOf(globals, joint).add(shift)];
     if (ray.distanceSqToSegment(a, b, onRay, onBone) > radius * radius) return;
     const distance = onRay.distanceTo(ray.origin);
     if (best && best.distance <= distance) return;

@@ -28,14 +28,17 @@ export interface Layer {
   remove?(): boolean;
 }
 
+type Found = { readonly layer: Layer; readonly hit: Hit };
+
 /** Pixels that a press may move and still be a click. */
 const STILL = 3;
 
 export class Pointing {
-  private hovered: { layer: Layer; id: Hit["id"] } | null = null;
+  private hovered: Found | null = null;
   private pressed: { pointer: number; from: Pointer; hit: Hit | null; moved: boolean } | null = null;
   private drag: Drag | null = null;
   private readonly caster = new Raycaster();
+  private readonly listening = new AbortController();
 
   constructor(
     private readonly stage: Stage,
@@ -45,13 +48,14 @@ export class Pointing {
   ) {
     const { canvas } = stage;
     if (canvas.tabIndex < 0) canvas.tabIndex = 0;
-    canvas.addEventListener("pointerdown", this.down, { capture: true });
-    canvas.addEventListener("pointermove", this.move);
-    canvas.addEventListener("pointerup", this.up);
-    canvas.addEventListener("pointercancel", this.lost);
-    canvas.addEventListener("pointerleave", this.left);
-    canvas.addEventListener("dblclick", this.double);
-    canvas.addEventListener("keydown", this.key);
+    const { signal } = this.listening;
+    canvas.addEventListener("pointerdown", (event) => this.down(event), { capture: true, signal });
+    canvas.addEventListener("pointermove", (event) => this.move(event), { signal });
+    canvas.addEventListener("pointerup", (event) => this.up(event), { signal });
+    canvas.addEventListener("pointercancel", ({ pointerId }) => this.pressed?.pointer === pointerId && this.cancel(), { signal });
+    canvas.addEventListener("pointerleave", () => this.pressed || this.over(null), { signal });
+    canvas.addEventListener("dblclick", (event) => this.double(event), { signal });
+    canvas.addEventListener("keydown", (event) => this.key(event), { signal });
   }
 
   get dragging(): boolean {
@@ -61,18 +65,11 @@ export class Pointing {
   /** Clears hovering and cancels a drag, because the scene has changed. */
   reset(): void {
     this.cancel();
-    this.over(null, null);
+    this.over(null);
   }
 
   dispose(): void {
-    const { canvas } = this.stage;
-    canvas.removeEventListener("pointerdown", this.down, { capture: true });
-    canvas.removeEventListener("pointermove", this.move);
-    canvas.removeEventListener("pointerup", this.up);
-    canvas.removeEventListener("pointercancel", this.lost);
-    canvas.removeEventListener("pointerleave", this.left);
-    canvas.removeEventListener("dblclick", this.double);
-    canvas.removeEventListener("keydown", this.key);
+    this.listening.abort();
   }
 
   private at(event: MouseEvent): Pointer {
@@ -85,7 +82,7 @@ export class Pointing {
     return { x, y, ray: this.caster.ray.clone(), shift: event.shiftKey, slack: touch ? 12 : 0 };
   }
 
-  private find(at: Pointer): { layer: Layer; hit: Hit } | null {
+  private find(at: Pointer): Found | null {
     for (const layer of this.layers) {
       const hit = layer.hit(at);
       if (hit) return { layer, hit };
@@ -93,17 +90,17 @@ export class Pointing {
     return null;
   }
 
-  private over(layer: Layer | null, hit: Hit | null): void {
+  private over(found: Found | null): void {
     const { hovered } = this;
-    if (hovered?.layer === layer && hovered?.id === hit?.id) return;
-    if (hovered && hovered.layer !== layer) hovered.layer.hover?.(null);
-    this.hovered = layer && hit ? { layer, id: hit.id } : null;
-    layer?.hover?.(hit?.id ?? null);
-    this.stage.canvas.style.cursor = hit?.cursor ?? "";
+    if (hovered?.layer === found?.layer && hovered?.hit.id === found?.hit.id) return;
+    if (hovered && hovered.layer !== found?.layer) hovered.layer.hover?.(null);
+    this.hovered = found;
+    found?.layer.hover?.(found.hit.id);
+    this.stage.canvas.style.cursor = found?.hit.cursor ?? "";
     this.stage.draw();
   }
 
-  private readonly down = (event: PointerEvent): void => {
+  private down(event: PointerEvent): void {
     this.stage.canvas.focus({ preventScroll: true });
     if (event.button !== 0 || !event.isPrimary) {
       this.cancel();
@@ -111,21 +108,19 @@ export class Pointing {
     }
     const from = this.at(event);
     const found = this.find(from);
-    this.over(found?.layer ?? null, found?.hit ?? null);
+    this.over(found);
     this.pressed = { pointer: event.pointerId, from, hit: found?.hit ?? null, moved: false };
     this.stage.orbit.enabled = !found?.hit.grab;
     if (found?.hit.grab) this.stage.canvas.setPointerCapture(event.pointerId);
-  };
+  }
 
-  private readonly move = (event: PointerEvent): void => {
+  private move(event: PointerEvent): void {
     if (!event.isPrimary) return;
     const at = this.at(event);
     const { pressed } = this;
     if (!pressed) {
       if (event.buttons !== 0) return;
-      const found = this.find(at);
-      this.over(found?.layer ?? null, found?.hit ?? null);
-      return;
+      return this.over(this.find(at));
     }
     if (!pressed.moved && Math.hypot(at.x - pressed.from.x, at.y - pressed.from.y) > STILL + 0.5 * at.slack) {
       pressed.moved = true;
@@ -133,36 +128,26 @@ export class Pointing {
     }
     this.drag?.move(at);
     if (this.drag) this.stage.draw();
-  };
+  }
 
-  private readonly up = (event: PointerEvent): void => {
+  private up(event: PointerEvent): void {
     const { pressed, drag } = this;
     if (pressed?.pointer !== event.pointerId) return;
     this.release();
     if (drag) drag.end();
     else if (!pressed.moved && pressed.hit) pressed.hit.click?.();
     else if (!pressed.moved) this.missed();
-    const at = this.at(event);
-    const found = event.pointerType === "touch" ? null : this.find(at);
-    this.over(found?.layer ?? null, found?.hit ?? null);
+    this.over(event.pointerType === "touch" ? null : this.find(this.at(event)));
     this.stage.draw();
-  };
+  }
 
-  private readonly lost = (event: PointerEvent): void => {
-    if (this.pressed?.pointer === event.pointerId) this.cancel();
-  };
-
-  private readonly left = (): void => {
-    if (!this.pressed) this.over(null, null);
-  };
-
-  private readonly double = (event: MouseEvent): void => {
+  private double(event: MouseEvent): void {
     const at = this.at(event);
     if (this.layers.some((layer) => layer.double?.(at))) event.preventDefault();
     this.stage.draw();
-  };
+  }
 
-  private readonly key = (event: KeyboardEvent): void => {
+  private key(event: KeyboardEvent): void {
     let taken = false;
     if (event.key === "Escape" && this.drag) {
       this.cancel();
@@ -174,7 +159,7 @@ export class Pointing {
     event.preventDefault();
     event.stopPropagation();
     this.stage.draw();
-  };
+  }
 
   private cancel(): void {
     const { drag } = this;

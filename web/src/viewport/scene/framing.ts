@@ -1,7 +1,7 @@
 /** The points that the camera frames. */
 
-import { Vector3 } from "three";
-import { aboveHips, forward } from "../../pose/kinematics";
+import { Box3, Vector3 } from "three";
+import { aboveHips, forward, placeOf } from "../../pose/kinematics";
 import { headingOf } from "../../pose/place";
 import type { Pose, Rig } from "../../rig";
 import { shiftOf } from "../characters/candidates";
@@ -9,20 +9,14 @@ import type { View } from "../types";
 
 /** Ends of a box around a pose, a little larger than its joints. */
 function around(rig: Rig, pose: Pose, shift = new Vector3()): Vector3[] {
-  const { positions } = forward(rig, pose);
-  const [low, high] = [new Vector3(1, 1, 1).multiplyScalar(Infinity), new Vector3(1, 1, 1).multiplyScalar(-Infinity)];
-  const point = new Vector3();
-  rig.parents.forEach((_, joint) => {
-    if (aboveHips(rig, joint)) return;
-    point.fromArray(positions, 3 * joint);
-    low.min(point);
-    high.max(point);
-  });
-  const more = 0.12 * rig.size;
-  low.subScalar(more).add(shift);
-  high.addScalar(more).add(shift);
+  const globals = forward(rig, pose);
+  const joints = rig.parents.map((_, joint) => joint).filter((joint) => !aboveHips(rig, joint));
+  const { min, max } = new Box3()
+    .setFromPoints(joints.map((joint) => placeOf(globals, joint)))
+    .expandByScalar(0.12 * rig.size)
+    .translate(shift);
   return [0, 1, 2, 3, 4, 5, 6, 7].map(
-    (i) => new Vector3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z),
+    (i) => new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z),
   );
 }
 

@@ -71,13 +71,12 @@ export class Ground {
     side: THREE.DoubleSide,
   });
   private readonly dark = new THREE.ShadowMaterial({ transparent: true, depthWrite: false });
-  private readonly ball = new THREE.SphereGeometry(10, 12, 48);
   private readonly floor = new THREE.PlaneGeometry(2, 2).rotateX(-Math.PI / 2);
   private readonly plane = new THREE.Mesh(this.floor, this.grid);
   private readonly shadow = new THREE.Mesh(this.floor, this.dark);
 
   constructor() {
-    const sky = new THREE.Mesh(this.ball, this.sky);
+    const sky = new THREE.Mesh(new THREE.SphereGeometry(10, 12, 48), this.sky);
     sky.frustumCulled = false;
     sky.renderOrder = -10;
     this.plane.renderOrder = -8;
@@ -113,10 +112,6 @@ export class Ground {
   shade(middle: THREE.Vector3, reach: number): void {
     this.shadow.position.set(middle.x, 0, middle.z);
     this.shadow.scale.setScalar(reach);
-  }
-
-  dispose(): void {
-    for (const held of [this.sky, this.grid, this.dark, this.ball, this.floor]) held.dispose();
   }
 }
 

@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import type { Palette } from "./palette";
+import type { Stage } from "./stage";
 
 export interface Label {
   readonly text: string;
@@ -14,34 +15,26 @@ export interface Label {
 const FONT = '12px Inter, system-ui, "Segoe UI", sans-serif';
 const HEIGHT = 22;
 
+type Drawn = { readonly sprite: THREE.Sprite; readonly texture: THREE.CanvasTexture; readonly width: number };
+
 export class Labels {
   readonly group = new THREE.Group();
-  private drawn: { sprite: THREE.Sprite; texture: THREE.CanvasTexture; width: number }[] = [];
+  private drawn: Drawn[] = [];
   private drawnText = "";
 
   /** Texts that did not change are only moved. */
-  set(labels: readonly Label[], palette: Palette, ratio: number): void {
-    const text = JSON.stringify([
-      labels.map(({ text, colour, strong }) => [text, colour, strong]),
-      palette.paper,
-      ratio,
-    ]);
+  set(labels: readonly Label[], palette: Palette, { ratio, height, camera }: Pick<Stage, "ratio" | "height" | "camera">): void {
+    const text = JSON.stringify([labels.map(({ text, colour, strong }) => [text, colour, strong]), palette.paper, ratio]);
     if (text !== this.drawnText) {
       this.clear();
       this.drawn = labels.map((label) => this.make(label, palette, ratio));
       this.drawnText = text;
     }
-    labels.forEach(({ place }, i) => this.drawn[i].sprite.position.copy(place));
-  }
-
-  screen(height: number, camera: THREE.PerspectiveCamera): void {
     const pixel = (2 * Math.tan(THREE.MathUtils.degToRad(camera.fov / 2))) / height;
-    for (const { sprite, width } of this.drawn) sprite.scale.set(width * pixel, HEIGHT * pixel, 1);
-  }
-
-  dispose(): void {
-    this.clear();
-    this.group.removeFromParent();
+    this.drawn.forEach(({ sprite, width }, i) => {
+      sprite.position.copy(labels[i].place);
+      sprite.scale.set(width * pixel, HEIGHT * pixel, 1);
+    });
   }
 
   private clear(): void {
@@ -53,11 +46,7 @@ export class Labels {
     this.drawnText = "";
   }
 
-  private make(
-    label: Label,
-    palette: Palette,
-    ratio: number,
-  ): { sprite: THREE.Sprite; texture: THREE.CanvasTexture; width: number } {
+  private make(label: Label, palette: Palette, ratio: number): Drawn {
     const canvas = document.createElement("canvas");
     const pen = canvas.getContext("2d")!;
     const font = label.strong ? `600 ${FONT}` : FONT;

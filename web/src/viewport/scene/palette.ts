@@ -2,70 +2,42 @@
 
 export type Theme = "light" | "dark";
 
-export interface Palette {
+const light = {
   /** The far background above the horizon, at it, and the ground. */
-  readonly sky: string;
-  readonly horizon: string;
-  readonly ground: string;
-  readonly grid: string;
-  readonly shadow: string;
-  readonly shadowStrength: number;
-  /** The character: its middle, and what its sides are tinted with. */
-  readonly body: string;
-  readonly left: string;
-  readonly right: string;
-  readonly sideTint: number;
-  /** Lights: from above, from below, the lamp, from the eye, and from behind. */
-  readonly above: string;
-  readonly below: string;
-  readonly ambient: number;
-  readonly lamp: number;
-  readonly fill: number;
-  readonly rim: number;
-  /** Chosen things, start and target, warnings. */
-  readonly accent: string;
-  readonly target: string;
-  readonly warning: string;
-  readonly contact: string;
-  /** Text and strokes without a colour of their own, and the background of labels. */
-  readonly ink: string;
-  readonly faint: string;
-  readonly paper: string;
-  /** Axes x, y, z of the gizmo. */
-  readonly axes: readonly [string, string, string];
-  readonly ghost: string;
-  /** The other candidates, in turn. */
-  readonly hues: readonly string[];
-}
-
-const light: Palette = {
   sky: "#f7f8fa",
   horizon: "#f1f3f6",
   ground: "#e6e9ee",
   grid: "#7d8798",
   shadow: "#1d2433",
   shadowStrength: 0.36,
+  /** The character: its middle, and what its sides are tinted with. */
   body: "#dcdee3",
   left: "#4c7dff",
   right: "#f0833a",
   sideTint: 0.2,
+  /** Lights: from above, from below, the lamp, from the eye, and from behind. */
   above: "#ffffff",
   below: "#b9c0cd",
   ambient: 1.75,
   lamp: 2.3,
   fill: 0.85,
   rim: 0.9,
+  /** Chosen things, start and target, warnings. */
   accent: "#2f63e6",
   target: "#d9641a",
   warning: "#bd7300",
-  contact: "#2f63e6",
+  /** Text and strokes without a colour of their own, and the background of labels. */
   ink: "#1b2130",
   faint: "#6b7486",
   paper: "#ffffff",
+  /** Axes x, y, z of the gizmo. */
   axes: ["#d9485f", "#3d9a50", "#2f63e6"],
   ghost: "#8d97aa",
+  /** The other candidates, in turn. */
   hues: ["#12969a", "#9a5be0", "#d24d8f", "#5f9a28", "#b3831b", "#3f79d8", "#c25738"],
 };
+
+export type Palette = Readonly<typeof light>;
 
 const dark: Palette = {
   sky: "#15181e",
@@ -87,7 +59,6 @@ const dark: Palette = {
   accent: "#7ba0ff",
   target: "#ff9a57",
   warning: "#ffb938",
-  contact: "#7ba0ff",
   ink: "#eef1f7",
   faint: "#98a2b5",
   paper: "#262b35",

@@ -34,18 +34,15 @@ export class Stage {
   /** Where what the camera goes along with is, and how far the camera is behind it. */
   private follows: THREE.Vector3 | null = null;
   private readonly behind = new THREE.Vector3();
+  private readonly listening = new AbortController();
   private request = 0;
   private last = 0;
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.plain = isPlain();
     try {
-      this.renderer = new THREE.WebGLRenderer({
-        canvas,
-        antialias: !this.plain,
-        stencil: true,
-        powerPreference: "high-performance",
-      });
+      const antialias = !this.plain;
+      this.renderer = new THREE.WebGLRenderer({ canvas, antialias, stencil: true, powerPreference: "high-performance" });
     } catch {
       throw new Error(WITHOUT_WEBGL);
     }
@@ -58,16 +55,8 @@ export class Stage {
     this.lamp.shadow.normalBias = 0.028;
     this.lamp.shadow.intensity = 0.7;
     this.lamp.shadow.radius = 3.2;
-    this.scene.add(
-      this.ground.group,
-      this.sky,
-      this.lamp,
-      this.lamp.target,
-      this.fill,
-      this.fill.target,
-      this.rim,
-      this.rim.target,
-    );
+    const lights = [this.lamp, this.fill, this.rim].flatMap((light) => [light, light.target]);
+    this.scene.add(this.ground.group, this.sky, ...lights);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.enableDamping = false;
     this.orbit.maxPolarAngle = Math.PI / 2 + 0.1;
@@ -76,8 +65,9 @@ export class Stage {
     this.orbit.screenSpacePanning = true;
     this.orbit.mouseButtons = { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.PAN };
     this.orbit.addEventListener("change", () => this.draw());
-    canvas.addEventListener("webglcontextlost", this.lost);
-    canvas.addEventListener("webglcontextrestored", this.restored);
+    const { signal } = this.listening;
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault(), { signal });
+    canvas.addEventListener("webglcontextrestored", () => this.draw(), { signal });
     this.camera.position.set(2.4, 1.7, 4.2);
     this.orbit.target.set(0, 0.9, 0);
     this.orbit.update();
@@ -170,17 +160,16 @@ export class Stage {
   dispose(): void {
     cancelAnimationFrame(this.request);
     this.request = -1;
-    this.canvas.removeEventListener("webglcontextlost", this.lost);
-    this.canvas.removeEventListener("webglcontextrestored", this.restored);
+    this.listening.abort();
     this.orbit.dispose();
-    this.ground.dispose();
     this.lamp.dispose();
+    this.scene.traverse((object) => {
+      const { geometry, material } = object as Partial<THREE.Mesh<THREE.BufferGeometry, THREE.Material>>;
+      geometry?.dispose();
+      material?.dispose();
+    });
     this.renderer.dispose();
   }
-
-  private readonly lost = (event: Event): void => event.preventDefault();
-
-  private readonly restored = (): void => this.draw();
 
   private readonly picture = (now: number): void => {
     cancelAnimationFrame(this.request);
@@ -200,17 +189,9 @@ export class Stage {
     const back = this.camera.position.clone().sub(target).setY(0).normalize();
     const left = new THREE.Vector3(-back.z, 0, back.x);
     this.fill.target.position.copy(target);
-    this.fill.position
-      .copy(target)
-      .addScaledVector(back, 3)
-      .addScaledVector(left, 1.2)
-      .setY(target.y + 1.4);
+    this.fill.position.copy(target).addScaledVector(back, 3).addScaledVector(left, 1.2).setY(target.y + 1.4);
     this.rim.target.position.copy(target);
-    this.rim.position
-      .copy(target)
-      .addScaledVector(back, -3)
-      .addScaledVector(left, -1.6)
-      .setY(target.y + 2.6);
+    this.rim.position.copy(target).addScaledVector(back, -3).addScaledVector(left, -1.6).setY(target.y + 2.6);
   }
 
   private catchUp(seconds: number): void {

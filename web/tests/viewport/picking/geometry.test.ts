@@ -21,7 +21,7 @@ describe("picking", () => {
 
   it("hits the nearest bone of a body", () => {
     const globals = forward(rig, rest(rig));
-    const knee = new Vector3(...placeOf(globals, 2));
+    const knee = placeOf(globals, 2);
     const ray = new Ray(new Vector3(knee.x, knee.y + 0.2, 5), new Vector3(0, 0, -1));
     const hit = hitBones(rig, globals, new Vector3(), ray, 0.08);
     expect(hit?.joint).toBe(1);
