@@ -41,9 +41,8 @@ interface Box extends Size {
 const AWAY = 16;
 
 /** Next to the target, where there is room: below, left or above; otherwise in its corner. */
-export function cardPlace(target: Box | null, card: Size, window: Size): { left: number; top: number } {
+export function cardPlace(target: Box, card: Size, window: Size): { left: number; top: number } {
   const fit = (value: number, size: number, room: number) => Math.max(AWAY, Math.min(room - size - AWAY, value));
-  if (!target) return { left: (window.width - card.width) / 2, top: (window.height - card.height) / 2 };
   const { left, top, width, height } = target;
   const middle = {
     left: fit(left + width / 2 - card.width / 2, card.width, window.width),

@@ -31,7 +31,9 @@ export function methodOptions(gap: Gap, rig: Rig | null, methods: readonly Metho
     if (!info) reason = "not installed";
     else if (rig?.reason && !info.any_rig) reason = "needs a humanoid rig";
     else if (seconds > longest + 0.05) reason = `for gaps of up to ${longest} s`;
-    return { value, label: methodName(value), tip: reason ?? info?.summary ?? "", disabled: reason !== null && method !== value };
+    const tip = reason ?? info?.summary ?? "";
+    const disabled = reason !== null && method !== value;
+    return { value, label: `${methodName(value)}${disabled ? ` (${tip})` : ""}`, tip, disabled };
   });
   const clip = { value: "clip", label: methodName("clip"), tip: "the clip's own motion, unchanged", disabled: false };
   return isAsInClip(gap.left, gap.right) ? [...options, clip] : options;

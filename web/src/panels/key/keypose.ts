@@ -41,13 +41,13 @@ export function withAngle(pose: Pose, joint: number, axis: Axis, value: number):
   return made;
 }
 
-/** Joints in the order of their tree. */
-export function jointTree(rig: Pick<Rig, "joints" | "parents">): { joint: number; name: string }[] {
+/** Joints in the order of their tree, to choose one. */
+export function jointTree(rig: Pick<Rig, "joints" | "parents">): { value: string; label: string }[] {
   const children = new Map<number, number[]>();
   rig.parents.forEach((parent, joint) => children.set(parent, [...(children.get(parent) ?? []), joint]));
-  const made: { joint: number; name: string }[] = [];
+  const made: { value: string; label: string }[] = [];
   const visit = (joint: number) => {
-    made.push({ joint, name: rig.joints[joint] });
+    made.push({ value: String(joint), label: rig.joints[joint] });
     for (const child of children.get(joint) ?? []) visit(child);
   };
   rig.parents.forEach((parent, joint) => {

@@ -53,7 +53,7 @@ export class CharacterPicking implements Layer {
   }
 
   hover(id: Hit["id"] | null): void {
-    const [kind, name] = String(id).split(" ");
+    const [, kind, name] = /^(\w+) (.+)$/s.exec(String(id)) ?? [];
     this.ghosts.hovered = kind === "key" ? name : null;
     this.candidates.hovered = kind === "candidate" ? Number(name) : null;
     this.changed();
