@@ -28,7 +28,7 @@ import type { Phase, Tool, View } from "./viewport/types";
 /** Delay after a live change before all candidates are requested. */
 const SETTLE_MS = 120;
 
-export type Selection = { readonly keys: readonly string[]; readonly gap: string | null };
+type Selection = { readonly keys: readonly string[]; readonly gap: string | null };
 
 export class Studio {
   /** The opened rig; null until the first file is open. */
@@ -111,14 +111,13 @@ export class Studio {
     this.keepSelection();
     clearTimeout(this.settling);
     this.settling = undefined;
-    if (merge === null) this.sync();
-    else {
+    if (merge !== null) {
       this.settling = setTimeout(() => {
         this.settling = undefined;
         this.sync();
       }, SETTLE_MS);
-      this.sync();
     }
+    this.sync();
   }
 
   /** Ends a drag. */
@@ -324,17 +323,20 @@ export class Studio {
     return this.document && gapAtFrame(this.document, frame);
   }
 
-  /** Sends a query to the server; if it no longer knows the rig, sends that first. */
-  readonly ask: Connection["ask"] = async (query, arrays = {}) => {
+  /** Sends a query to the server. */
+  readonly ask: Connection["ask"] = (query, arrays) => this.withRig(() => this.socket.ask(query, arrays));
+
+  /** Calls the server; if it no longer knows the rig, sends that and calls again. */
+  async withRig<T>(call: () => Promise<T>): Promise<T> {
     try {
-      return await this.socket.ask(query, arrays);
+      return await call();
     } catch (error) {
       const source = this.document?.source;
       if (!(error instanceof Unanswered && error.again && source)) throw error;
       await openRig(source.name, source.text);
-      return this.socket.ask(query, arrays);
+      return call();
     }
-  };
+  }
 
   close(): void {
     clearTimeout(this.settling);

@@ -7,7 +7,6 @@ import { fromProject, toProject } from "../document/project";
 import { wholeMotion } from "../engine/motion";
 import type { Project } from "../protocol";
 import { checkProject, exportFile, opened, openRig, sample } from "../server/api";
-import { Unanswered } from "../server/connection";
 import type { Studio } from "../studio.svelte";
 
 /** Largest file in bytes (see protocol.py). */
@@ -32,13 +31,13 @@ export async function openFile(studio: Studio, file: File): Promise<boolean> {
   }
 }
 
-export async function openClip(studio: Studio, name: string, text: string): Promise<void> {
+async function openClip(studio: Studio, name: string, text: string): Promise<void> {
   const rig = await openRig(name, text);
   studio.open(commands.fromClip({ name, text }, rig), rig);
   if (rig.reason) studio.notices.show(`${name}: ${rig.reason}. Its gaps are interpolated.`, "warning");
 }
 
-export async function openProject(studio: Studio, project: Project): Promise<void> {
+async function openProject(studio: Studio, project: Project): Promise<void> {
   const rig = await openRig(project.source.name, project.source.text);
   const { document, shown } = fromProject(project, rig);
   studio.open(document, rig, shown);
@@ -53,7 +52,7 @@ export async function openSample(studio: Studio): Promise<void> {
 let untouched: Document | null = null;
 
 /** The current project. */
-export function projectOf(studio: Studio): Project | null {
+function projectOf(studio: Studio): Project | null {
   const { document } = studio;
   return document && toProject(document, (key) => {
     const gap = gapOf(document, key.id);
@@ -79,15 +78,7 @@ export async function exportMotion(studio: Studio, format: "bvh" | "glb"): Promi
     const { rows, own } = wholeMotion(document, studio.shown);
     const arrays = { frames: { shape: [rows.length / rig.stride, rig.stride], values: rows } };
     const what = { rig: rig.id, format, rows: own };
-    let blob: Blob;
-    try {
-      blob = await exportFile(what, arrays);
-    } catch (error) {
-      if (!(error instanceof Unanswered && error.again)) throw error;
-      await openRig(document.source.name, document.source.text);
-      blob = await exportFile(what, arrays);
-    }
-    download(blob, `${document.name}.${format}`);
+    download(await studio.withRig(() => exportFile(what, arrays)), `${document.name}.${format}`);
     return true;
   } catch (error) {
     studio.notices.show(`Nothing was exported: ${error instanceof Error ? error.message : error}`, "error");

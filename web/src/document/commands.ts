@@ -55,7 +55,7 @@ export function moveKeys(document: Document, ids: readonly string[], by: number)
 }
 
 /** How far keys can move together, in frames. */
-export function roomToMove(document: Document, ids: readonly string[]): { least: number; most: number } {
+function roomToMove(document: Document, ids: readonly string[]): { least: number; most: number } {
   let least = -Infinity;
   let most = Infinity;
   document.keys.forEach((key, i) => {

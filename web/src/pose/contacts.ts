@@ -6,7 +6,7 @@ import { hangsOn, tracks, type Skeleton } from "./kinematics";
 export const AIR = 0;
 export const STANDS = 1;
 export const SLIDES = 2;
-export type ContactState = typeof AIR | typeof STANDS | typeof SLIDES;
+type ContactState = typeof AIR | typeof STANDS | typeof SLIDES;
 
 /** For a character whose hips are a metre high; heights and speeds grow with the rig. */
 const LOW = 0.025;

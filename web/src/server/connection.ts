@@ -66,10 +66,6 @@ export class Connection {
     });
   }
 
-  cancel(gap: string): void {
-    this.send(pack({ type: "cancel", gap }));
-  }
-
   close(): void {
     clearTimeout(this.timer);
     const socket = this.socket;

@@ -37,17 +37,16 @@ export function follow(event: PointerEvent, { move, end, cancel }: Following, st
     next.stopPropagation();
     onCancel();
   };
+  const listening = new AbortController();
+  const { signal } = listening;
   const stop = () => {
-    target.removeEventListener("pointermove", onMove);
-    target.removeEventListener("pointerup", onUp);
-    target.removeEventListener("pointercancel", onCancel);
-    window.removeEventListener("keydown", onKey, true);
+    listening.abort();
     if (target.hasPointerCapture(pointerId)) target.releasePointerCapture(pointerId);
   };
-  target.addEventListener("pointermove", onMove);
-  target.addEventListener("pointerup", onUp);
-  target.addEventListener("pointercancel", onCancel);
-  window.addEventListener("keydown", onKey, true);
+  target.addEventListener("pointermove", onMove, { signal });
+  target.addEventListener("pointerup", onUp, { signal });
+  target.addEventListener("pointercancel", onCancel, { signal });
+  window.addEventListener("keydown", onKey, { capture: true, signal });
 }
 
 /** A press takes the focus from a field, so that the keyboard is the application's again. */

@@ -7,7 +7,7 @@ export interface Scale {
   readonly zoom: number;
 }
 
-export interface Tick {
+interface Tick {
   readonly frame: number;
   readonly major: boolean;
 }
@@ -94,8 +94,8 @@ export function lowerBound(frames: readonly number[], frame: number): number {
 }
 
 /** Pixels that two diamonds are apart at least, and that a bar is wide at least, to be drawn. */
-export const DIAMOND_PX = 10;
-export const BAR_PX = 3;
+const DIAMOND_PX = 10;
+const BAR_PX = 3;
 
 export interface Shown {
   /** Indices of keys and of gaps (each of its left key). */

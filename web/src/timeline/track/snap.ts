@@ -9,7 +9,7 @@ export interface SnapPoint {
 }
 
 /** Snapping distance in pixels. */
-export const REACH_PX = 6;
+const REACH_PX = 6;
 /** Minimum width of a second in pixels for snapping to seconds. */
 const SECOND_PX = 40;
 

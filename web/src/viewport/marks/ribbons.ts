@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { allocated, Marks } from "./marks";
 
-export interface RibbonPoint {
+interface RibbonPoint {
   readonly x: number;
   readonly y: number;
   readonly z: number;
