@@ -32,14 +32,15 @@ from interpose.skeleton import HUMANOID, MODEL_RATE
 
 DATABASE_VERSION = 1
 DATABASE_META = "meta.json"
-_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
+ArrayKinds = dict[str, tuple[tuple[int, ...], type]]
+"""The shape of a row, and the type, of each array."""
+_ARRAYS: ArrayKinds = {
     "root_positions": ((3,), np.float32),
     "local_rotations": ((len(HUMANOID), 4), np.float32),
     "root": ((4,), np.float32),
     "contacts": ((4,), np.uint8),
     "ranges": ((2,), np.int64),
 }
-"""The shape of a row, and the type, of each array."""
 
 
 @dataclass(frozen=True)
@@ -150,17 +151,10 @@ def load(path: Path | str) -> Database:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path / DATABASE_META} is not that of a database ({error!r}); prepare it again") from None
-    arrays = {name: _map(path / f"{name}.npy", *_ARRAYS[name]) for name in _ARRAYS}
+    arrays = load_arrays(path, _ARRAYS, "prepare the database again")
     frames = len(arrays["root_positions"])
-    ends = np.concatenate([[0], arrays["ranges"][:, 1]])
     fits = all(len(arrays[name]) == frames for name in _ARRAYS if name != "ranges")
-    if not (
-        fits
-        and len(clips) == len(arrays["ranges"])
-        and np.array_equal(arrays["ranges"][:, 0], ends[:-1])
-        and ends[-1] == frames
-        and np.all(np.diff(ends) > 0)
-    ):
+    if not (fits and len(clips) == len(arrays["ranges"]) and contiguous(arrays["ranges"], frames)):
         raise InputError(f"the files of the database {path} do not fit together; prepare it again")
     return Database(path, dataset, licence, fingerprint, made_from, skipped, clips, **arrays)
 
@@ -200,9 +194,6 @@ def write(
     temporary = {name: path / f".{name}.npy.new" for name in _ARRAYS}
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
-    try:
         with ExitStack() as stack:
             files = {name: stack.enter_context(open(temporary[name], "wb")) for name in _ARRAYS}
             for name, (row, kind) in _ARRAYS.items():
@@ -228,8 +219,8 @@ def write(
     except OSError as error:
         raise InputError(f"the database {path} cannot be written: {error.strerror or error}") from None
     finally:
-        for file in temporary.values():
-            file.unlink(missing_ok=True)
+        for file in filter(Path.exists, temporary.values()):
+            file.unlink()
     return load(path)
 
 
@@ -240,16 +231,31 @@ def clip_info(entry: dict[str, Any]) -> ClipInfo:
     return ClipInfo(**{**values, "cut": (int(start), int(stop))})
 
 
-def _map(file: Path, row: tuple[int, ...], kind: type) -> ndarray:
-    try:
-        array = np.load(file, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError:
-        raise InputError(f"{file} is missing; prepare the database again") from None
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{file} cannot be read ({error}); prepare the database again") from None
-    if array.dtype != kind or array.shape[1:] != row:
-        raise InputError(
-            f"{file} holds {array.dtype} {array.shape}, expected {np.dtype(kind)} (…, {', '.join(map(str, row))}); "
-            "prepare the database again"
-        )
-    return array
+def load_arrays(folder: Path, kinds: ArrayKinds, remedy: str) -> dict[str, ndarray]:
+    """The arrays ``NAME.npy`` of a folder, mapped read-only. Raises InputError, which ends with ``remedy``, where one
+    is missing, damaged, or of another kind."""
+    out = {}
+    for name in kinds:
+        file = folder / f"{name}.npy"
+        try:
+            # A plain array, which stays mapped, is sliced much faster than np.memmap.
+            out[name] = np.asarray(np.lib.format.open_memmap(file, mode="r"))
+        except FileNotFoundError:
+            raise InputError(f"{file} is missing; {remedy}") from None
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"{file} cannot be read ({error}); {remedy}") from None
+        check_kind(out[name], *kinds[name], str(file), remedy)
+    return out
+
+
+def check_kind(array: ndarray, row: tuple[int, ...], kind: type, name: str, remedy: str) -> None:
+    """Raises InputError where an array has other rows, or another type."""
+    if array.dtype != kind or array.ndim != 1 + len(row) or array.shape[1:] != row:
+        expected = f"{np.dtype(kind)} ({', '.join(['…', *map(str, row)])})"
+        raise InputError(f"{name} holds {array.dtype} {array.shape}, expected {expected}; {remedy}")
+
+
+def contiguous(ranges: Int64[ndarray, "clip 2"], frames: int) -> bool:
+    """Whether clips of at least one frame follow one another without gaps from 0 to ``frames``."""
+    ends = np.concatenate([[0], ranges[:, 1]])
+    return bool(np.array_equal(ranges[:, 0], ends[:-1]) and ends[-1] == frames and (np.diff(ends) > 0).all())

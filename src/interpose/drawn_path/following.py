@@ -19,7 +19,7 @@ from interpose.features import RATE
 from interpose.gallery import paths
 from interpose.gallery.matching import Query
 from interpose.gallery.paths import ease
-from interpose.gallery.proposals import LONGEST_GAP, PathRequest
+from interpose.gallery.proposals import LONGEST_GAP, PathRequest, check
 from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import EndStates
 from interpose.rotation import wrapped
@@ -44,11 +44,10 @@ TIME_SMOOTHING = 3.0
 
 @dataclass(frozen=True, eq=False)
 class _TiedPath:
-    """A drawn path from start to target. passed, times, facing: of the drawn points, metres of arc length, seconds,
-    radians. from_start, to_target: whether its first and last point stand for the keys."""
+    """A drawn path from start to target. times, facing: of the drawn points, seconds, radians. from_start, to_target:
+    whether its first and last point stand for the keys; otherwise the curve begins and ends with points of its own."""
 
     curve: Curve
-    passed: Float[ndarray, "point"]
     times: Float[ndarray, "point"] | None
     facing: Float[ndarray, "point"] | None
     from_start: bool
@@ -68,10 +67,7 @@ def follow(
     Raises InputError where no duration is given or known, where the path's times do not fit the keys, for a path
     of more than 600 steps or faster than 12 m/s anywhere, and for a style that the gallery lacks or an unknown speed.
     """
-    if not np.isfinite([*query.start, *query.target]).all():
-        raise InputError("start or target is not a finite position on the ground; give poses without NaN")
-    if request.steps is not None and not 1 <= request.steps <= LONGEST_GAP:
-        raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {request.steps}")
+    check(query, request)
     tied = _tied(drawn, query)
     offset = _Offset.of(tied.curve, query)
     given = None if tied.facing is None else _given(tied, tied.facing, query)
@@ -111,8 +107,7 @@ def _tied(drawn: DrawnPath, query: Query) -> _TiedPath:
         curve = curves.through(whole, query.start[2])
         length = curve.length
         if length <= LONGEST_DRAWN:
-            passed = curve.passed[0 if from_start else 1 :][: len(points)]
-            return _TiedPath(curve, passed, times, drawn.facing, from_start, to_target)
+            return _TiedPath(curve, times, drawn.facing, from_start, to_target)
     raise InputError(
         f"the drawn path is {length:.0f} m long, which takes more than {LONGEST_GAP} frames at 30 Hz even at "
         f"{TOP_SPEED:.0f} m/s; draw a shorter path, or set keys in between"
@@ -121,20 +116,19 @@ def _tied(drawn: DrawnPath, query: Query) -> _TiedPath:
 
 def _timed(tied: _TiedPath, times: Float[ndarray, "point"]) -> PathProgress:
     """Progress by the path's own times; from a last point before the target on at the mean speed."""
-    passed, length = tied.passed, tied.curve.length
+    passed = tied.curve.passed
     if not tied.to_target:
-        moving = times[-1] - (times[0] if tied.from_start else 0.0)
-        if moving <= 0.0 or passed[-1] < SHORTEST_CURVE:
+        moving, gone = times[-1] - (times[0] if tied.from_start else 0.0), passed[-2]
+        if moving <= 0.0 or gone < SHORTEST_CURVE:
             raise InputError(
                 f"the drawn path's times do not say how fast it goes to the target; give a last point within "
                 f"{ATTACH_DISTANCE} m of the target with its time, or leave out the times"
             )
-        times = np.append(times, times[-1] + (length - passed[-1]) / passed[-1] * moving)
-        passed = np.append(passed, length)
+        times = np.append(times, times[-1] + (tied.curve.length - gone) / gone * moving)
     if times[0] > 0.0:
-        times, passed = np.append(0.0, times), np.append(0.0, passed)
-    passed = np.maximum.accumulate(passed)
-    return pacing.by_times(tied.curve, passed, times)
+        times = np.append(0.0, times)
+        passed = np.append(0.0, passed) if tied.from_start else passed
+    return pacing.by_times(tied.curve, np.maximum.accumulate(passed), times)
 
 
 def _paced(
@@ -229,15 +223,9 @@ class _Offset:
 
 def _given(tied: _TiedPath, facing: Float[ndarray, "point"], query: Query) -> Float[ndarray, "sample"]:
     """Drawn facings at the samples of the curve; at both ends the keys' own."""
-    passed = tied.passed
-    if not tied.from_start:
-        passed, facing = np.append(0.0, passed), np.append(query.start[2], facing)
-    if not tied.to_target:
-        passed, facing = np.append(passed, tied.curve.length), np.append(facing, query.target[2])
-    facing = facing.copy()
-    facing[[0, -1]] = query.start[2], query.target[2]
-    facing = np.unwrap(facing)
-    knots, rows = np.unique(np.maximum.accumulate(passed), return_index=True)
+    inner = facing[tied.from_start : len(facing) - tied.to_target]
+    facing = np.unwrap(np.concatenate([query.start[2:], inner, query.target[2:]]))
+    knots, rows = np.unique(np.maximum.accumulate(tied.curve.passed), return_index=True)
     values = facing[rows]
     values[-1] = facing[-1]
     if len(knots) < 2 or tied.curve.length < SHORTEST_CURVE:

@@ -15,12 +15,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from interpose.drawn_path.curve import SHORTEST_CURVE, Curve, gaussian
 from interpose.features import RATE
-from interpose.gallery import matching, weighing
-from interpose.gallery.matching import IN_PLACE, Query
+from interpose.gallery import matching, paths, weighing
+from interpose.gallery.matching import IN_PLACE
 from interpose.gallery.proposals import PathRequest
 from interpose.gallery.speeds import group_of, suggest
 from interpose.gallery.store import Gallery
-from interpose.gallery.weighing import SKETCH, Costs, EndStates, Pool
+from interpose.gallery.weighing import SKETCH, EndStates, Pool
 from interpose.gallery.windows import LONGEST_WINDOW, SHORTEST_WINDOW
 
 SHORTEST_PIECE, LONGEST_PIECE = 1.0, 4.0
@@ -94,9 +94,16 @@ def by_gallery(
     last = len(lengths) - 1
     walks: dict[int, _Walk] = {}
     for piece in np.unique(np.round(np.linspace(0, last, min(len(lengths), MOST_PIECES))).astype(int)).tolist():
-        outer = (piece == 0, piece == last)
-        query = Query(*(_place(curve, facing, cut) for cut in cuts[piece : piece + 2]))
-        pool = _pool(gallery, query, ends, outer, styles, draw)
+        outer = (piece == 0, piece == last)  # whether the piece's ends are the curve's
+        places = [(*curve.points[cut].tolist(), float(facing[cut])) for cut in cuts[piece : piece + 2]]
+        query = paths.query_of(np.array(places))
+        before, after = (velocity if here else None for velocity, here in zip(ends.velocities, outer, strict=True))
+        known = EndStates(ends.postures if all(outer) else None, (before, after))
+        tries = (
+            weighing.gather(gallery, query, known, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw, settings=settings)
+            for settings in (matching.MATCH_DEFAULTS, ANY_FACING)
+        )
+        pool = next((pool for pool in tries if len(pool)), None)
         if pool is not None:
             walks[piece] = _walk(gallery, pool, float(lengths[piece]), ends, outer, request.speed)
     if not walks:
@@ -175,33 +182,24 @@ def pieces(curve: Curve) -> list[int]:
         cuts.append(end)
 
 
-def _pool(
-    gallery: Gallery,
-    query: Query,
-    ends: EndStates,
-    outer: tuple[bool, bool],
-    styles: tuple[int, ...] | None,
-    draw: np.random.Generator,
-) -> Pool | None:
-    """The windows for a piece, else those for any facing, else None. ``outer``: whether its ends are the curve's."""
-    before, after = (velocity if there else None for velocity, there in zip(ends.velocities, outer, strict=True))
-    known = EndStates(ends.postures if all(outer) else None, (before, after))
-    for settings in (matching.MATCH_DEFAULTS, ANY_FACING):
-        pool = weighing.gather(
-            gallery, query, known, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw, settings=settings
-        )
-        if len(pool):
-            return pool
-    return None
-
-
 def _walk(
     gallery: Gallery, pool: Pool, length: float, ends: EndStates, outer: tuple[bool, bool], speed: str | None
 ) -> _Walk:
-    """How a piece is walked in the windows that match it."""
+    """How a piece is walked in the windows that match it.
+
+    A window counts by its cost, its length against the piece's, and its posture at an outer end.
+    """
     legs = np.linalg.norm(np.diff(pool.sketch, axis=1), axis=-1)
     own = legs.sum(axis=1) + 1e-3
-    weights = _weights(gallery, pool, own, length, ends, outer)
+    cost = pool.cost.copy()
+    if length >= IN_PLACE:
+        cost += 0.5 * np.square(np.log(own / length) / LIKE_LENGTH)
+    if ends.postures is not None and not all(outer):
+        found = pool.found
+        for frame, wanted, here in zip((found.start, found.start + found.steps), ends.postures, outer, strict=True):
+            if here:
+                cost += 0.5 * weighing.posture_cost(gallery.tracks, found, frame, wanted)
+    weights = np.exp(cost.min() - cost)
     suggested = suggest(pool.found.steps, weights)
     steps = suggested.steps if speed is None else group_of(suggested, speed).steps
     mean = float(np.exp(np.average(np.log(own), weights=weights)))
@@ -210,26 +208,6 @@ def _walk(
     profile = np.average(legs / own[:, None], axis=0, weights=weights) * legs.shape[1]
     seconds = suggested.steps / RATE
     return _Walk(seconds, seconds / walked, suggested.steps / steps, np.maximum(profile, SLOWEST_SHARE), trust)
-
-
-def _weights(
-    gallery: Gallery,
-    pool: Pool,
-    own: Float[ndarray, "window"],
-    length: float,
-    ends: EndStates,
-    outer: tuple[bool, bool],
-) -> Float[ndarray, "window"]:
-    """The weight of each window: by its cost, its length against the piece's, and its posture at an outer end."""
-    cost = pool.cost.copy()
-    if length >= IN_PLACE:
-        cost += 0.5 * np.square(np.log(own / length) / LIKE_LENGTH)
-    if ends.postures is not None and not all(outer):
-        found = pool.found
-        for frame, wanted, here in zip((found.start, found.start + found.steps), ends.postures, outer, strict=True):
-            if here:
-                cost += 0.5 * weighing.posture_cost(gallery.tracks, found, frame, wanted, Costs())
-    return np.exp(cost.min() - cost)
 
 
 def _slowness(
@@ -256,8 +234,3 @@ def _fastest(curve: Curve) -> Float[ndarray, "cell"]:
     """The greatest speed between samples that turning allows, m/s."""
     bend = np.maximum(np.abs(np.diff(curve.heading)) / np.diff(curve.arc), 1e-9)
     return np.minimum(MOST_TURN_SPEED / bend, np.sqrt(MOST_SIDEWAYS / bend))
-
-
-def _place(curve: Curve, facing: Float[ndarray, "sample"], sample: int) -> tuple[float, float, float]:
-    x, z = curve.points[sample].tolist()
-    return x, z, float(facing[sample])

@@ -90,16 +90,13 @@ def build(tracks: Tracks, progress: Progress = lambda done, total: None) -> Inde
         np.empty((total, 2), np.uint16),
         np.zeros(len(tracks.styles) * DISTANCE_BINS * SECTOR_PAIRS + 1, np.uint32),
     )
-    sizes = np.zeros(len(made.cells) - 1, dtype=np.int64)
+    sizes = np.zeros((len(tracks.styles), DISTANCE_BINS * SECTOR_PAIRS), dtype=np.int64)
     at = 0
     for style in range(len(tracks.styles)):
         clips = np.nonzero(tracks.clip_styles == style)[0]
         keys = np.concatenate([np.zeros(0, np.uint64), *(_keys(tracks, clip) for clip in clips.tolist())])
         keys.sort()  # one integer sort orders the windows by cell, steps and start
-        base = style * DISTANCE_BINS * SECTOR_PAIRS
-        sizes[base : base + DISTANCE_BINS * SECTOR_PAIRS] = np.bincount(
-            (keys >> np.uint64(40)).astype(np.int64), minlength=DISTANCE_BINS * SECTOR_PAIRS
-        )
+        sizes[style] = np.bincount((keys >> np.uint64(40)).astype(np.int64), minlength=sizes.shape[1])
         for low in range(0, len(keys), BUILD_BATCH):
             part = keys[low : low + BUILD_BATCH]
             rows = slice(at, at + len(part))
@@ -143,76 +140,58 @@ def best(index: Index, wanted: WindowQuery, count: int) -> FoundWindows:
     The least possible error of each pair of facing bins is known. Pairs are read in that order until the worst of the
     best so far beats every pair that is left, so nothing is missed.
     """
-    limit = wanted.limit
-    found: list[FoundWindows] = []
-    for floor, rows in _in_order(index, wanted, count):
+    limit, found = wanted.limit, NO_WINDOWS
+    for floor, ranges in _in_order(index, wanted, count):
         if floor > limit:
             break
-        found = [first_of(merged([*found, *_read(index, wanted, rows, limit)]), count)]
-        if len(found[0]) == count:
-            limit = int(found[0].error[-1])
-    return found[0] if found else NO_WINDOWS
+        found = first_of(merged([found, _read(index, wanted, *ranges.windows(), limit)]), count)
+        if len(found) == count:
+            limit = int(found.error[-1])
+    return found
 
 
 def sample(index: Index, wanted: WindowQuery, count: int, generator: np.random.Generator) -> FoundWindows:
     """``count`` windows drawn at random without replacement from all within the threshold, or all where there are
     fewer; in no order."""
-    limit = wanted.limit
-    reads = [
-        (rows, mirrored) for floor, both in _in_order(index, wanted, None) if floor <= limit for rows, mirrored in both
-    ]
-    total = sum(len(rows) for rows, _ in reads)
-    # Not every window that is read matches, so more are drawn until enough do or none is left.
     parts: list[FoundWindows] = []
-    seen, draws = np.zeros(0, dtype=np.int64), count
-    while len(seen) < total and sum(len(part) for part in parts) < count:
-        chosen = np.arange(total) if total <= 4 * draws else generator.integers(0, total, size=draws)
-        chosen = np.setdiff1d(chosen, seen)
-        parts += _read_some(index, wanted, reads, chosen, limit)
-        seen, draws = np.union1d(seen, chosen), 4 * draws
+    for _, ranges in _in_order(index, wanted, None):
+        # Not every window that is read matches, so more are drawn until enough do or none is left.
+        total, seen, draws = len(ranges), np.zeros(0, dtype=np.int64), count
+        while len(seen) < total and sum(len(part) for part in parts) < count:
+            chosen = np.arange(total) if total <= 4 * draws else generator.integers(0, total, size=draws)
+            chosen = np.setdiff1d(chosen, seen)
+            parts.append(_read(index, wanted, *ranges.windows(chosen), wanted.limit))
+            seen, draws = np.union1d(seen, chosen), 4 * draws
     found = merged(parts)
     return found if len(found) <= count else select(found, generator.choice(len(found), count, replace=False))
 
 
-def _read_some(
-    index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], chosen: Int[ndarray, "chosen"], limit: int
-) -> Iterator[FoundWindows]:
-    """As :func:`_read`, but only the ``chosen`` windows, ascending numbers counted over all ranges."""
-    ends = np.cumsum([len(rows) for rows, _ in reads])
-    low = 0
-    for (rows, mirrored), end, high in zip(reads, ends, np.searchsorted(chosen, ends), strict=True):
-        picked = rows.take(chosen[low:high] - (end - len(rows)))
-        yield from _read(index, wanted, [(WindowRanges(picked, np.ones(len(picked), np.int64)), mirrored)], limit)
-        low = high
-
-
 @dataclass(frozen=True, eq=False)
 class WindowRanges:
-    """Ranges of windows: the first of each, and how many it has."""
+    """Ranges of windows: the first of each, how many it has, and whether they are mirrored (0 or 1)."""
 
     first: Int[ndarray, "range"]
     size: Int[ndarray, "range"]
+    mirrored: Int[ndarray, "range"]
 
     def __len__(self) -> int:
         return int(self.size.sum())
 
-    def all(self) -> Int[ndarray, "window"]:
-        """Every window of the ranges."""
+    def windows(
+        self, which: Int[ndarray, "chosen"] | None = None
+    ) -> tuple[Int[ndarray, "chosen"], Int[ndarray, "chosen"]]:
+        """The windows with those numbers, counted over all ranges, or all; and whether each is mirrored."""
         ends = np.cumsum(self.size)
-        total = int(ends[-1]) if len(ends) else 0
-        return np.arange(total) + np.repeat(self.first - (ends - self.size), self.size)
-
-    def take(self, which: Int[ndarray, "chosen"]) -> Int[ndarray, "chosen"]:
-        """The windows with those numbers, counted over all ranges."""
-        ends = np.cumsum(self.size)
-        in_range = np.searchsorted(ends, which, side="right")
-        return self.first[in_range] + which - (ends - self.size)[in_range]
+        if which is None:
+            at = np.repeat(np.arange(len(ends)), self.size)
+            which = np.arange(len(at))
+        else:
+            at = np.searchsorted(ends, which, side="right")
+        return (self.first - (ends - self.size))[at] + which, self.mirrored[at]
 
 
-def _in_order(
-    index: Index, wanted: WindowQuery, count: int | None
-) -> Iterator[tuple[int, list[tuple[WindowRanges, int]]]]:
-    """Batches of ranges in the order of their least possible error: (that error, [(ranges, mirrored)]).
+def _in_order(index: Index, wanted: WindowQuery, count: int | None) -> Iterator[tuple[int, WindowRanges]]:
+    """Batches of ranges in the order of their least possible error, with that error.
 
     ``count``: windows wanted, from which the size of a batch follows; with None all within the threshold are one batch.
     """
@@ -238,14 +217,13 @@ def _in_order(
             before = upto[done - 1] if done else 0.0
             batch = max(1, int(np.searchsorted(upto, before + max(2 * count, READ_BATCH) * (1 + done / 64))) - done)
         some = order[done : done + batch]
-        made = []
-        for mirrored in (0, 1):
-            pairs = np.sort(some[some // SECTOR_PAIRS == mirrored] % SECTOR_PAIRS)
-            first, size = begins[:, pairs].reshape(-1), sizes[:, pairs].reshape(-1)
-            some_there = size > 0
-            rows = _with_steps(index, first[some_there], size[some_there], wanted.steps)
-            made.append((rows, mirrored))
-        yield int(floors[some[0]]), made
+        mirrored, pairs = np.divmod(np.sort(some), SECTOR_PAIRS)
+        first, size = begins[:, pairs].reshape(-1), sizes[:, pairs].reshape(-1)
+        side = np.tile(mirrored, len(blocks))
+        filled = np.argsort(side, kind="stable")  # recorded windows first
+        filled = filled[size[filled] > 0]
+        ranges = WindowRanges(first[filled], size[filled], side[filled])
+        yield int(floors[some[0]]), _with_steps(index, ranges, wanted.steps)
         done += len(some)
 
 
@@ -266,14 +244,13 @@ def _floors(wanted: WindowQuery, mirrored: int) -> Int[ndarray, "pair"]:
     return (first[:, None] + last[None, :]).reshape(-1)
 
 
-def _with_steps(index: Index, first: ndarray, size: ndarray, steps: tuple[int, int]) -> WindowRanges:
+def _with_steps(index: Index, ranges: WindowRanges, steps: tuple[int, int]) -> WindowRanges:
     """The parts of the ranges whose windows have those steps, which ascend within each range."""
     if steps[0] <= SHORTEST_WINDOW and steps[1] >= LONGEST_WINDOW:
-        return WindowRanges(first, size)
-    begin = _search(index.steps, first, size, steps[0])
-    end = _search(index.steps, first, size, steps[1] + 1)
+        return ranges
+    begin, end = (_search(index.steps, ranges.first, ranges.size, limit) for limit in (steps[0], steps[1] + 1))
     some = end > begin
-    return WindowRanges(begin[some], (end - begin)[some])
+    return WindowRanges(begin[some], (end - begin)[some], ranges.mirrored[some])
 
 
 def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarray:
@@ -291,17 +268,13 @@ def _search(values: ndarray, first: ndarray, size: ndarray, limit: int) -> ndarr
 
 
 def _read(
-    index: Index, wanted: WindowQuery, reads: list[tuple[WindowRanges, int]], limit: int
-) -> Iterator[FoundWindows]:
-    """The wanted windows of the ranges, with errors of at most ``limit``."""
-    for ranges, mirrored in reads:
-        rows = ranges.all()
-        there = index.facing[rows]
-        error = errors(there[:, 0], there[:, 1], wanted.units(mirrored), wanted.criterion)
-        distance = index.distance[rows]
-        fits = (error <= limit) & (distance >= wanted.distance[0]) & (distance <= wanted.distance[1])
-        rows, error = rows[fits], error[fits]
-        side = np.full(len(rows), mirrored, dtype=np.int64)
-        yield FoundWindows(
-            index.start[rows].astype(np.int64), index.steps[rows].astype(np.int64), side, error.astype(np.int64)
-        )
+    index: Index, wanted: WindowQuery, rows: Int[ndarray, "window"], mirrored: Int[ndarray, "window"], limit: int
+) -> FoundWindows:
+    """Those of the windows that are wanted, with errors of at most ``limit``."""
+    at_start, at_end = np.array([wanted.units(0), wanted.units(1)], dtype=np.uint16)[mirrored].T
+    error = errors(*index.facing[rows].T, (at_start, at_end), wanted.criterion)
+    distance = index.distance[rows]
+    fits = (error <= limit) & (distance >= wanted.distance[0]) & (distance <= wanted.distance[1])
+    rows = rows[fits]
+    columns = index.start[rows], index.steps[rows], mirrored[fits], error[fits]
+    return FoundWindows(*(column.astype(np.int64) for column in columns))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,10 +22,10 @@ from interpose.gallery.matching import Query, Trace
 from interpose.gallery.speeds import Suggestion, check_speed, group_of, suggest
 from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import (
+    COSTS,
     NOTHING_KNOWN,
     SAMPLED_WINDOWS,
     SKETCH,
-    Costs,
     EndStates,
     Pool,
     detour_cost,
@@ -93,6 +94,14 @@ class Unreachable(InputError):
     does."""
 
 
+def check(query: Query, request: PathRequest) -> None:
+    """Raises InputError for positions that are not finite, and for steps that no gap has."""
+    if not np.isfinite([*query.start, *query.target]).all():
+        raise InputError("start or target is not a finite position on the ground; give poses without NaN")
+    if request.steps is not None and not 1 <= request.steps <= LONGEST_GAP:
+        raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {request.steps}")
+
+
 def propose(
     gallery: Gallery,
     query: Query,
@@ -113,20 +122,15 @@ def propose(
     Raises :class:`Unreachable` where nothing matches, naming the nearest that does; InputError for a style that the
     gallery lacks, an unknown speed, and positions that are not finite.
     """
-    styles = gallery.style_indices(request.style)
-    _check(query, request)
-    draw = np.random.default_rng(seed)
+    gap = _gap(gallery, query, request, ends, seed)
     if request.steps is not None:
-        low, high = _around(request.steps, STRETCH)
-        pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=request.steps)
-        made = _from_pool(gallery, query, ends, pool, count, [request.steps] * count, hint=hint)
+        made = _retimed(gap, request.steps, STRETCH, count, hint)
         if len(made) < count:
-            made += _composed(gallery, query, ends, request.steps, styles, count - len(made), draw, before=made)
-        return made or _stretched(gallery, query, ends, request.steps, styles, count, draw, hint)
-    pool = gather(gallery, query, ends, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw)
+            made += _composed(gap, request.steps, count - len(made), before=made)
+        return made or _retimed(gap, request.steps, MOST_STRETCH, count, hint) or _unreachable(gap, request.steps)
+    pool = gap.pool((SHORTEST_WINDOW, LONGEST_WINDOW))
     if not len(pool):
-        made = _composed(gallery, query, ends, None, styles, count, draw, speed=request.speed)
-        return made or _unreachable(gallery, query, None, styles)
+        return _composed(gap, None, count, speed=request.speed) or _unreachable(gap, None)
     suggested = suggest(pool.found.steps, pool.weights)
     inside = np.abs(np.log2(pool.found.steps / suggested.steps)) <= 1.0
     frames = suggested.steps
@@ -134,58 +138,85 @@ def propose(
         chosen = group_of(suggested, request.speed)
         inside = (pool.found.steps >= chosen.fewest) & (pool.found.steps <= chosen.most)
         frames = chosen.steps
-    near = np.abs(np.log(pool.found.steps / frames)) <= STRETCH
-    first = _from_pool(
-        gallery, query, ends, pool.take(near & inside if (near & inside).any() else inside), 1, [frames], hint=hint
-    )
-    return first + _from_pool(gallery, query, ends, pool.take(inside), count - 1, [None] * (count - 1), before=first)
+    near = inside & (np.abs(np.log(pool.found.steps / frames)) <= STRETCH)
+    first = _from_pool(gap, pool.take(near if near.any() else inside), 1, frames, hint=hint)
+    return first + _from_pool(gap, pool.take(inside), count - 1, None, before=first)
 
 
 def suggestion(
     gallery: Gallery, query: Query, ends: EndStates = NOTHING_KNOWN, style: str | None = None, seed: int = 0
 ) -> Suggestion:
     """How many steps a path would take, and what fast, medium and slow mean for it. Raises as :func:`propose`."""
-    _check(query, PathRequest(style=style))
-    draw = np.random.default_rng(seed)
-    styles = gallery.style_indices(style)
-    pool = gather(gallery, query, ends, (SHORTEST_WINDOW, LONGEST_WINDOW), styles, draw)
+    gap = _gap(gallery, query, PathRequest(style=style), ends, seed)
+    pool = gap.pool((SHORTEST_WINDOW, LONGEST_WINDOW))
     if len(pool):
         return suggest(pool.found.steps, pool.weights)
-    made = _composed(gallery, query, ends, None, styles, 3, draw) or _unreachable(gallery, query, None, styles)
+    made = _composed(gap, None, 3) or _unreachable(gap, None)
     return suggest(np.array([m.steps for m in made]), np.ones(len(made)))
 
 
+@dataclass(frozen=True, eq=False)
+class _GapQuery:
+    """A query with all that the search for its paths needs. styles: indices, None for all."""
+
+    gallery: Gallery
+    query: Query
+    ends: EndStates
+    styles: tuple[int, ...] | None
+    draw: np.random.Generator
+
+    def pool(self, lengths: tuple[int, int], target_steps: int | None = None) -> Pool:
+        """The single windows that match, of so many steps; see :func:`~interpose.gallery.weighing.gather`."""
+        return gather(self.gallery, self.query, self.ends, lengths, self.styles, self.draw, target_steps=target_steps)
+
+
+def _gap(gallery: Gallery, query: Query, request: PathRequest, ends: EndStates, seed: int) -> _GapQuery:
+    """The search for a request, checked."""
+    styles = gallery.style_indices(request.style)
+    check(query, request)
+    if request.speed is not None:
+        check_speed(request.speed)
+    return _GapQuery(gallery, query, ends, styles, np.random.default_rng(seed))
+
+
+def _retimed(
+    gap: _GapQuery, steps: int, stretch: float, count: int, hint: Float[ndarray, "time 3"] | None
+) -> list[Proposal]:
+    """Single windows whose duration differs by a factor of 1 + ``stretch`` at most, retimed."""
+    return _from_pool(gap, gap.pool(_around(steps, stretch), steps), count, steps, hint=hint)
+
+
 def _from_pool(
-    gallery: Gallery,
-    query: Query,
-    ends: EndStates,
+    gap: _GapQuery,
     pool: Pool,
     count: int,
-    steps: list[int | None],
+    steps: int | None,
     before: Sequence[Proposal] = (),
     hint: Float[ndarray, "time 3"] | None = None,
 ) -> list[Proposal]:
-    """The likeliest path of a pool, then the most different ones; those chosen ``before`` count as chosen."""
+    """The likeliest path of a pool, then the most different ones; those chosen ``before`` count as chosen.
+
+    ``steps``: of every path; with None each keeps its own.
+    """
     if not len(pool) or count < 1:
         return []
     cheap = pool.take(np.argsort(pool.cost, kind="stable")[:VARIANT_POOL])
     made = list(before)
-    taken = [_sketch_of(query, proposal) for proposal in before]
+    taken = [_sketch_of(gap.query, proposal) for proposal in before]
+    times = cheap.found.steps if steps is None else np.full(len(cheap), steps)
     while len(made) - len(before) < count:
-        wanted = steps[len(made) - len(before)]
         if not made:
-            row = _likeliest(query, pool, cheap, hint)
+            row = _likeliest(gap.query, pool, cheap, hint)
         else:
-            times = cheap.found.steps if wanted is None else np.full(len(cheap), wanted)
-            apart = np.min([_difference(query, cheap.sketch, times, *other) for other in taken], axis=0)
-            apart[apart < _near_copy(query)] = 0.0
+            apart = np.min([_difference(gap.query, cheap.sketch, times, *other) for other in taken], axis=0)
+            apart[apart < _near_copy(gap.query)] = 0.0
             apart[_overlap(cheap.found, [one.trace for one in made])] = 0.0
             if not apart.any():
                 break
             with np.errstate(divide="ignore"):
                 row = int(np.argmax(np.log(apart) - VARIANT_COST_WEIGHT * cheap.cost))
         (trace,) = matching.traces(select(cheap.found, np.array([row])))
-        made.append(_proposal(gallery, query, ends, trace, wanted, float(cheap.misfit[row])))
+        made.append(_proposal(gap, trace, steps, float(cheap.misfit[row])))
         taken.append((cheap.sketch[row], made[-1].steps))
     return made[len(before) :]
 
@@ -232,46 +263,37 @@ def _near_copy(query: Query) -> float:
     return 0.04 + 0.015 * query.distance
 
 
-def _proposal(
-    gallery: Gallery, query: Query, ends: EndStates, trace: Trace, steps: int | None, cost: float
-) -> Proposal:
-    path = paths.place(gallery.tracks, trace, query)
-    style = gallery.tracks.style_of(trace.parts[0].start)
+def _proposal(gap: _GapQuery, trace: Trace, steps: int | None, cost: float) -> Proposal:
+    path = paths.place(gap.gallery.tracks, trace, gap.query)
+    style = gap.gallery.tracks.style_of(trace.parts[0].start)
     timed = path if steps is None else paths.retime(path, steps)
-    return Proposal(paths.meet(timed, ends.velocities), trace, style, 1.0 / (1.0 + max(cost, 0.0)))
+    return Proposal(paths.meet(timed, gap.ends.velocities), trace, style, 1.0 / (1.0 + max(cost, 0.0)))
 
 
 def _composed(
-    gallery: Gallery,
-    query: Query,
-    ends: EndStates,
-    steps: int | None,
-    styles: tuple[int, ...] | None,
-    count: int,
-    draw: np.random.Generator,
-    *,
-    speed: str | None = None,
-    before: Sequence[Proposal] = (),
+    gap: _GapQuery, steps: int | None, count: int, *, speed: str | None = None, before: Sequence[Proposal] = ()
 ) -> list[Proposal]:
     """At most ``count`` composed paths that differ from one another and from those chosen ``before``."""
     allowed = (2 * SHORTEST_WINDOW, LONGEST_GAP) if steps is None else _around(steps, STRETCH)
     if allowed[1] < 2 * SHORTEST_WINDOW:
         return []
+    gallery, query = gap.gallery, gap.query
     found: list[Proposal] = []
     failed = 0
     for _ in range(SPARE_COMPOSITIONS + count):
-        trace = matching.compose(gallery.search, gallery.tracks, gallery.distances, query, draw, allowed, styles)
+        trace = matching.compose(
+            gallery.search, gallery.tracks, gallery.distances, query, gap.draw, allowed, gap.styles
+        )
         if trace is None:
             failed += 1
             if found or before or failed == SPARE_COMPOSITIONS:
                 break
             continue
-        one = _proposal(gallery, query, ends, trace, steps, 0.0)
+        one = _proposal(gap, trace, steps, 0.0)
         sketch, _ = _sketch_of(query, one)
         yaw = one.path[np.round(SKETCH * one.steps).astype(int), 2]
-        cost = 0.5 * (
-            (trace.error / Costs().facing) ** 2 + float(detour_cost(query, sketch[None], yaw[None], Costs())[0])
-        )
+        turns = (trace.error / COSTS.facing) ** 2
+        cost = 0.5 * (turns + float(detour_cost(query, sketch[None], yaw[None])[0]))
         found.append(replace(one, fit=1.0 / (1.0 + cost)))
     if speed is not None and found:
         chosen = group_of(suggest(np.array([one.steps for one in found]), np.ones(len(found))), speed)
@@ -284,47 +306,28 @@ def _composed(
     return made
 
 
-def _stretched(
-    gallery: Gallery,
-    query: Query,
-    ends: EndStates,
-    steps: int,
-    styles: tuple[int, ...] | None,
-    count: int,
-    draw: np.random.Generator,
-    hint: Float[ndarray, "time 3"] | None,
-) -> list[Proposal]:
-    """Paths of other durations, retimed, where none has the requested one."""
-    low, high = _around(steps, MOST_STRETCH)
-    pool = gather(gallery, query, ends, (low, high), styles, draw, target_steps=steps)
-    made = _from_pool(gallery, query, ends, pool, count, [steps] * count, hint=hint)
-    return made or _unreachable(gallery, query, steps, styles)
-
-
 def _around(steps: int, share: float) -> tuple[int, int]:
     return int(np.floor(steps / (1.0 + share))), int(np.ceil(steps * (1.0 + share)))
 
 
-def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tuple[int, ...] | None) -> list[Proposal]:
+def _unreachable(gap: _GapQuery, steps: int | None) -> NoReturn:
     """Raises :class:`Unreachable`, naming the nearest query that can be served."""
+    gallery, query = gap.gallery, gap.query
     length = f"{query.distance:.2f} m"
     if steps is None:
         most = matching.MATCH_DEFAULTS.rounds + 1
         reach = min(gallery.distances[-1] * most, matching.LONGEST_QUERY)
-        if query.distance < reach:
-            raise Unreachable(
-                f"no trajectory of the gallery, nor {most} in a row, covers {length} from start to "
-                f"target with these facings; turn one of the keys, or set a key in between"
-            )
+        near = " with these facings; turn one of the keys, or set a key in between"
+        far = f"; the farthest within reach is about {reach:.0f} m; set a key in between"
         raise Unreachable(
-            f"no trajectory of the gallery, nor {most} in a row, covers {length} from start to "
-            f"target; the farthest within reach is about {reach:.0f} m; set a key in between"
+            f"no trajectory of the gallery, nor {most} in a row, covers {length} from start to target"
+            + (near if query.distance < reach else far)
         )
-    draw = np.random.default_rng(0)
-    wanted = matching.window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), styles)
-    lengths = indexing.sample(gallery.index, wanted, SAMPLED_WINDOWS, draw).steps
+    gap = replace(gap, ends=NOTHING_KNOWN, draw=np.random.default_rng(0))
+    wanted = matching.window_query(query, (SHORTEST_WINDOW, LONGEST_WINDOW), gap.styles)
+    lengths = indexing.sample(gallery.index, wanted, SAMPLED_WINDOWS, gap.draw).steps
     if not len(lengths):
-        lengths = np.array([one.steps for one in _composed(gallery, query, NOTHING_KNOWN, None, styles, 3, draw)])
+        lengths = np.array([one.steps for one in _composed(gap, None, 3)])
     covered = f"{length} in {steps} frames ({steps / RATE:.1f} s at 30 Hz)"
     if not len(lengths):
         raise Unreachable(
@@ -334,12 +337,3 @@ def _unreachable(gallery: Gallery, query: Query, steps: int | None, styles: tupl
     raise Unreachable(
         f"no trajectory of the gallery covers {covered}; the nearest takes {nearest} frames ({nearest / RATE:.1f} s)"
     )
-
-
-def _check(query: Query, request: PathRequest) -> None:
-    if not np.isfinite([*query.start, *query.target]).all():
-        raise InputError("start or target is not a finite position on the ground; give poses without NaN")
-    if request.steps is not None and not 1 <= request.steps <= LONGEST_GAP:
-        raise InputError(f"a path takes 1 to {LONGEST_GAP} frames at 30 Hz, got {request.steps}")
-    if request.speed is not None:
-        check_speed(request.speed)

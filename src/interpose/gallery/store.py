@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.data.database import Database
+from interpose.data.database import ArrayKinds, Database, check_kind, contiguous, load_arrays
 from interpose.data.split import training_ranges
 from interpose.errors import InputError
 from interpose.features import RATE
@@ -28,13 +28,14 @@ from interpose.io.files import write_whole
 GALLERY_VERSION = 1
 META_FILE = "meta.json"
 QUANTILES = 1024
-_TRACK_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
+REMEDY = "build the gallery again"
+_TRACK_ARRAYS: ArrayKinds = {
     "root": ((3,), np.float32),
     "posture": ((POSTURE_SIZE,), np.float16),
     "ranges": ((2,), np.int64),
     "clip_styles": ((), np.int64),
 }
-_INDEX_ARRAYS: dict[str, tuple[tuple[int, ...], type]] = {
+_INDEX_ARRAYS: ArrayKinds = {
     "start": ((), np.uint32),
     "steps": ((), np.uint8),
     "distance": ((), np.float32),
@@ -167,10 +168,9 @@ def load(path: Path) -> Gallery:
         raise InputError(f"{path / META_FILE} cannot be read ({error!r}); build the gallery again") from None
     if version != GALLERY_VERSION:
         raise InputError(f"{path} has version {version}, this program needs {GALLERY_VERSION}; build the gallery again")
-    arrays, held = (
-        {name: _map(path / f"{name}.npy", *kinds[name]) for name in kinds} for kinds in (_TRACK_ARRAYS, _INDEX_ARRAYS)
-    )
+    arrays = load_arrays(path, _TRACK_ARRAYS | _INDEX_ARRAYS, REMEDY)
     tracks = _tracks(arrays, styles, path)
+    held = {name: arrays[name] for name in _INDEX_ARRAYS}
     windows = len(held["start"])
     fit = all(len(held[name]) == windows for name in ("steps", "distance", "facing"))
     cells = len(styles) * indexing.DISTANCE_BINS * indexing.SECTOR_PAIRS + 1
@@ -201,37 +201,18 @@ def _load_small(path: Path) -> Gallery:
     if version != GALLERY_VERSION:
         raise InputError(f"{path} has version {version}, this program needs {GALLERY_VERSION}; export the model again")
     for name, (row, kind) in _TRACK_ARRAYS.items():
-        _check_kind(arrays[name], row, kind, f"{name} of {path}")
+        check_kind(arrays[name], row, kind, f"{name} of {path}", REMEDY)
     return of_tracks(_tracks(arrays, styles, path), meta)
 
 
 def _tracks(arrays: dict[str, ndarray], styles: tuple[str, ...], path: Path) -> Tracks:
     root, posture, ranges, clip_styles = (arrays[name] for name in ("root", "posture", "ranges", "clip_styles"))
-    ends = np.concatenate([[0], ranges[:, 1]])
     if not (
         len(posture) == len(root)
         and len(clip_styles) == len(ranges) > 0
-        and np.array_equal(ranges[:, 0], ends[:-1])
-        and (np.diff(ends) > 0).all()
-        and ends[-1] == len(root)
+        and contiguous(ranges, len(root))
         and 0 <= clip_styles.min() <= clip_styles.max() < len(styles)
         and np.isfinite(root).all()
     ):
         raise InputError(f"the tracks of the gallery {path} do not fit together; build it again")
     return Tracks(root, posture, ranges, clip_styles, styles)
-
-
-def _check_kind(array: ndarray, row: tuple[int, ...], kind: type, name: str) -> None:
-    if array.dtype != kind or array.ndim != 1 + len(row) or array.shape[1:] != row:
-        raise InputError(f"{name} holds {array.dtype} {array.shape}; build the gallery again")
-
-
-def _map(file: Path, row: tuple[int, ...], kind: type) -> ndarray:
-    try:
-        array = np.lib.format.open_memmap(file, mode="r")
-    except FileNotFoundError:
-        raise InputError(f"{file} is missing; build the gallery again") from None
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{file} cannot be read ({error}); build the gallery again") from None
-    _check_kind(array, row, kind, str(file))
-    return np.asarray(array)  # still mapped; a plain array is sliced much faster than np.memmap

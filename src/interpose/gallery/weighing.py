@@ -59,6 +59,9 @@ class Costs:
     turning: float = float(np.radians(60.0))
 
 
+COSTS = Costs()
+
+
 @dataclass(frozen=True, eq=False)
 class EndStates:
     """What is known at start and target beyond their positions: postures, metres, and velocities (x, z), m/s."""
@@ -106,26 +109,17 @@ def gather(
     *,
     target_steps: int | None = None,
     settings: MatchSettings = matching.MATCH_DEFAULTS,
-    costs: Costs = Costs(),
 ) -> Pool:
     """A random sample of the windows that match a query, the best by equation 7 among them, each with its cost.
 
     ``steps``: fewest and most. ``styles``: indices, or None for all. ``target_steps``: a given duration, from which
     windows are stretched at a cost.
     """
-    if steps[1] < SHORTEST_WINDOW or steps[0] > LONGEST_WINDOW:
-        return weigh(gallery, query, ends, NO_WINDOWS, target_steps, costs)
-    wanted = matching.window_query(query, steps, styles, settings)
-    index = gallery.index
-    drawn = indexing.sample(index, wanted, SAMPLED_WINDOWS, draw)
-    found = _unique(merged([indexing.best(index, wanted, BEST_WINDOWS), drawn]))
-    return weigh(gallery, query, ends, found, target_steps, costs)
-
-
-def weigh(
-    gallery: Gallery, query: Query, ends: EndStates, found: FoundWindows, target_steps: int | None, costs: Costs
-) -> Pool:
-    """The costs of windows for a query; see :func:`gather`."""
+    found = NO_WINDOWS
+    if steps[1] >= SHORTEST_WINDOW and steps[0] <= LONGEST_WINDOW:
+        wanted = matching.window_query(query, steps, styles, settings)
+        drawn = indexing.sample(gallery.index, wanted, SAMPLED_WINDOWS, draw)
+        found = _unique(merged([indexing.best(gallery.index, wanted, BEST_WINDOWS), drawn]))
     tracks, side = gallery.tracks, found.mirrored.astype(bool)
     at = found.start[:, None] + np.round(found.steps[:, None] * SKETCH).astype(np.int64)
     sketch = tracks.root[at].astype(float) * np.where(side[:, None, None], [-1.0, 1.0, -1.0], 1.0)
@@ -134,40 +128,40 @@ def weigh(
     ours = np.array(query.target[:2]) - np.array(query.start[:2])
     # Spread the remaining error at the target over the path, as `paths.fit` does, but linearly: it is small.
     placed += SKETCH[:, None] * (ours - placed[:, -1])[:, None]
-    total = detour_cost(query, placed, sketch[..., 2], costs) + np.square(to_radians(found.error) / costs.facing)
+    total = detour_cost(query, placed, sketch[..., 2]) + np.square(to_radians(found.error) / COSTS.facing)
     if target_steps is not None:
-        total += np.square(np.log(found.steps / target_steps) / costs.stretch)
+        total += np.square(np.log(found.steps / target_steps) / COSTS.stretch)
     if ends.postures is not None:
         for frame, wanted in zip((found.start, found.start + found.steps), ends.postures, strict=True):
-            total += posture_cost(tracks, found, frame, wanted, costs)
+            total += posture_cost(tracks, found, frame, wanted)
     # A velocity is that of the step after the start and of the step before the target.
     for frame, wanted in zip((found.start, found.start + found.steps - 1), ends.velocities, strict=True):
         if wanted is not None:
             step = (tracks.root[frame + 1, :2] - tracks.root[frame, :2]).astype(float) * RATE
             step[side, 0] *= -1.0
-            total += np.sum(np.square((turned(step, angle) - wanted) / costs.velocity), axis=-1)
+            total += np.sum(np.square((turned(step, angle) - wanted) / COSTS.velocity), axis=-1)
     prior = DURATION_PRIOR * np.log(found.steps) if target_steps is None else 0.0
     return Pool(found, 0.5 * total, 0.5 * total + prior, placed)
 
 
 def posture_cost(
-    tracks: Tracks, found: FoundWindows, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"], costs: Costs
+    tracks: Tracks, found: FoundWindows, frame: Int[ndarray, "window"], wanted: Float[ndarray, "16"]
 ) -> Float[ndarray, "window"]:
     """Twice the cost of the difference between each window's posture at its ``frame`` and a key's."""
     theirs = tracks.posture[frame].astype(float)
     theirs = np.where(found.mirrored.astype(bool)[:, None], mirror_posture(theirs), theirs)
-    return np.square(posture_distance(theirs, wanted) / costs.posture)
+    return np.square(posture_distance(theirs, wanted) / COSTS.posture)
 
 
 def detour_cost(
-    query: Query, placed: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"], costs: Costs
+    query: Query, placed: Float[ndarray, "window time 2"], yaw: Float[ndarray, "window time"]
 ) -> Float[ndarray, "window"]:
     """Twice the cost of paths (x, z) that are longer, or turn more, than their query needs."""
     walked = np.linalg.norm(np.diff(placed, axis=1), axis=-1).sum(axis=1)
     detour = np.maximum(np.log((walked + 1e-9) / (query.distance + 0.5)), 0.0)
     needed = abs(float(wrapped(query.target[2] - query.start[2])))
     turning = np.maximum(np.abs(np.diff(yaw, axis=1)).sum(axis=1) - needed, 0.0)
-    return np.square(detour / costs.detour) + np.square(turning / costs.turning)
+    return np.square(detour / COSTS.detour) + np.square(turning / COSTS.turning)
 
 
 def _placing(query: Query, sketch: Float[ndarray, "window time 3"]) -> tuple[ndarray, ndarray]:

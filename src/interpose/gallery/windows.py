@@ -19,6 +19,8 @@ WINDOW_LENGTHS = LONGEST_WINDOW - SHORTEST_WINDOW + 1
 TURN = 65536
 """Units of angle in a full turn."""
 
+Units = int | UInt16[ndarray, "window"]
+"""Angles in units: one, or one for each window."""
 Criterion = Literal["both", "start", "turn"]
 """What the error measures: both facings (equation 7), the start's alone (Algorithm 1, line 18), or how much the facing
 turns from start to end, where both are at one place and v_p has no direction."""
@@ -95,19 +97,19 @@ def features(
 def errors(
     facing_start: UInt16[ndarray, "window"],
     facing_end: UInt16[ndarray, "window"],
-    wanted: tuple[int, int],
+    wanted: tuple[Units, Units],
     criterion: Criterion,
 ) -> Int32[ndarray, "window"]:
-    """Equation 7 in units of angle. ``wanted``: the query's facings in the same units."""
+    """Equation 7 in units of angle. ``wanted``: the query's facings in the same units, one for all windows or each."""
     if criterion == "turn":
-        return apart(facing_end - facing_start, (wanted[1] - wanted[0]) % TURN)
+        return apart(facing_end - facing_start, wanted[1] - wanted[0])
     error = apart(facing_start, wanted[0])
     return error if criterion == "start" else error + apart(facing_end, wanted[1])
 
 
-def apart(angle: UInt16[ndarray, "*batch"], wanted: int) -> Int32[ndarray, "*batch"]:
+def apart(angle: UInt16[ndarray, "*batch"], wanted: Units) -> Int32[ndarray, "*batch"]:
     """The smaller angle between two directions, 0 to half a turn."""
-    return np.abs((angle - np.uint16(wanted)).view(np.int16).astype(np.int32))
+    return np.abs((angle - np.asarray(wanted).astype(np.uint16)).view(np.int16).astype(np.int32))
 
 
 def first_of(found: FoundWindows, count: int) -> FoundWindows:
