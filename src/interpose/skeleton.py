@@ -112,20 +112,10 @@ def global_positions(
     return out
 
 
-def local_translations(
-    positions: Float[ndarray, "*batch joint 3"], world: Float[ndarray, "*batch joint 4"], parents: tuple[int, ...]
-) -> Float[ndarray, "*batch joint 3"]:
-    """Each joint's position in its parent's frame; the root's own position. Undoes :func:`global_positions`."""
-    index = np.array(parents[1:], dtype=int)
-    bones = positions[..., 1:, :] - positions[..., index, :]
-    rest = rotation.rotate(rotation.inverse(world[..., index, :]), bones)
-    return np.concatenate([positions[..., :1, :], rest], axis=-2)
-
-
 def _humanoid() -> Skeleton:
     # LaFAN1's bone lengths, in a T-pose that faces +Z with its left hand at +X. Every joint's frame equals the
     # world's, so a joint's global rotation is what its bone has turned since the T-pose.
-    side = [
+    leg = [
         ("UpLeg", "Hips", (0.1055, 0.0010, 0.0186)),
         ("Leg", "UpLeg", (0.0, -0.4350, 0.0)),
         ("Foot", "Leg", (0.0, -0.4237, 0.0)),
@@ -144,21 +134,15 @@ def _humanoid() -> Skeleton:
         ("ForeArm", "Arm", (0.3300, 0.0, 0.0)),
         ("Hand", "ForeArm", (0.2520, 0.0, 0.0)),
     ]
-    joints: list[tuple[str, str | None, tuple[float, float, float]]] = [("Hips", None, (0.0, 0.0, 0.0))]
-
-    def add_side(prefix: str, sign: float, limb: list[tuple[str, str, tuple[float, float, float]]]) -> None:
-        for name, parent, (x, y, z) in limb:
-            full = parent if parent in ("Hips", "Spine2") else prefix + parent
-            joints.append((prefix + name, full, (sign * x, y, z)))
-
-    add_side("Left", 1.0, side)
-    add_side("Right", -1.0, side)
-    joints.extend(spine)
-    add_side("Left", 1.0, arm)
-    add_side("Right", -1.0, arm)
-    names = tuple(name for name, _, _ in joints)
-    parents = tuple(-1 if parent is None else names.index(parent) for _, parent, _ in joints)
-    return Skeleton(names, parents, np.array([offset for _, _, offset in joints]))
+    both, middle = (("Left", 1.0), ("Right", -1.0)), (("", 1.0),)
+    joints: dict[str, tuple[str, tuple[float, float, float]]] = {"Hips": ("", (0.0, 0.0, 0.0))}
+    for limb, sides in ((leg, both), (spine, middle), (arm, both)):
+        for prefix, sign in sides:
+            for name, parent, (x, y, z) in limb:
+                joints[prefix + name] = (parent if parent in joints else prefix + parent, (sign * x, y, z))
+    names = tuple(joints)
+    parents = tuple(-1 if parent == "" else names.index(parent) for parent, _ in joints.values())
+    return Skeleton(names, parents, np.array([offset for _, offset in joints.values()]))
 
 
 HUMANOID = _humanoid()

@@ -12,7 +12,7 @@ from interpose.evaluate import windows
 from interpose.evaluate.case import COMPARED, UNPAIRED, Case, check_lengths, database_windows, joined, scores
 from interpose.gallery.tracks import track_of
 from interpose.motion import Motion
-from interpose.retarget import map_skeleton
+from interpose.retarget import from_humanoid, map_skeleton, to_humanoid
 from interpose.skeleton import HUMANOID
 
 from .conftest import MakeClip
@@ -53,7 +53,7 @@ def test_positions_from_key_to_key_hold_what_was_made(case: Case) -> None:
 
 
 def test_the_true_path_is_the_roots(case: Case) -> None:
-    whole = case.windows.on_humanoid(case.mapping)
+    whole = case.windows.retargeted(to_humanoid, case.mapping)
     wanted = track_of(Motion(HUMANOID, whole.root[2, 9:23], whole.local[2, 9:23], whole.rate))
     np.testing.assert_allclose(case.true_paths[2], wanted, atol=1e-9)
     np.testing.assert_allclose(case.gaps[2].query.start, wanted[0], atol=1e-9)
@@ -67,9 +67,9 @@ def test_some_of_a_case_may_stand_several_times(case: Case) -> None:
 
 
 def test_the_humanoid_and_back(case: Case) -> None:
-    back = case.windows.on_humanoid(case.mapping).from_humanoid(case.mapping)
+    back = case.windows.retargeted(to_humanoid, case.mapping).retargeted(from_humanoid, case.mapping)
     np.testing.assert_allclose(back.positions, case.windows.positions, atol=1e-6)
-    assert case.windows.on_humanoid(None) is case.windows
+    assert case.windows.retargeted(to_humanoid, None) is case.windows
 
 
 def test_frames_are_joined_in_time(case: Case) -> None:

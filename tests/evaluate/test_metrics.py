@@ -131,8 +131,9 @@ def test_foot_slide_does_not_depend_on_where_or_which_way_one_walks() -> None:
 
 def test_arrival_is_exact_for_constant_velocity_and_misses_by_what_is_left() -> None:
     line = np.arange(6.0)[None, :, None, None] * np.array([0.1, 0.0, 0.0])
-    assert metrics.arrival_position(line[:, :5], line[:, 5]).value == pytest.approx(0.0, abs=1e-15)
-    assert metrics.arrival_position(line[:, :5], line[:, 5] + [0.0, 0.3, 0.4]).value == pytest.approx(0.5)
+    assert metrics.arrival_position(line[:, :6]).value == pytest.approx(0.0, abs=1e-15)
+    line[:, 5] += [0.0, 0.3, 0.4]
+    assert metrics.arrival_position(line[:, :6]).value == pytest.approx(0.5)
 
 
 def test_acceleration_of_free_fall() -> None:

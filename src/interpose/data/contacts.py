@@ -14,24 +14,17 @@ from interpose.skeleton import HUMANOID
 
 CONTACT_JOINTS = ("LeftFoot", "LeftToe", "RightFoot", "RightToe")
 """The joints of the four columns, here and in a database."""
-
 CONTACT_INDICES = tuple(HUMANOID.index(name) for name in CONTACT_JOINTS)
-
 REST_HEIGHTS = np.array([0.075, 0.015, 0.075, 0.015])
 """Height of each joint above the floor when the foot is flat on it, metres."""
-
 BENCHMARK_SPEED = float(np.sqrt(0.02) / 100.0 * 30.0)
 """Metres a second: the LaFAN1 benchmark's squared 0.02 cm^2 a frame at 30 Hz (Harvey et al. 2020)."""
-
 SLIDE_HEIGHT = 0.025
 """H of foot slide, metres: a toe higher than this is not in contact."""
-
 CONTACT_SPEED = 0.15
 """Metres a second: looser than the benchmark's, so that a foot that rolls stays in contact."""
-
 CONTACT_CLEARANCE = 0.03
 """Metres above the joint's resting height: a foot that is held still in the air is not in contact."""
-
 CONTACT_MEDIAN_FRAMES = 5
 
 

@@ -40,7 +40,6 @@ from interpose.skeleton import MODEL_RATE
 MIN_CLIP_FRAMES = 2
 FLOOR_TOLERANCE = 0.03
 """Metres: a floor that is off by less is left alone, since planted feet of good data vary by 2 cm."""
-
 PARTS_FOLDER = ".parts"
 REPORT_FILE = "report.md"
 RECIPE_VERSION = 1
@@ -162,16 +161,9 @@ def convert(motion: Motion, clip: SourceClip) -> tuple[ClipInfo, ClipArrays]:
         contacts.detect(positions, MODEL_RATE).astype(np.uint8),
     )
     info = ClipInfo(
-        clip.name,
-        clip.source.name,
-        clip.labels.style,
-        clip.labels.content,
-        clip.labels.subject,
-        float(motion.rate),
-        len(motion),
-        (start, stop),
-        raised,
-    )
+        clip.name, clip.source.name, **vars(clip.labels), source_rate=float(motion.rate), source_frames=len(motion),
+        cut=(start, stop), raised=raised,
+    )  # fmt: skip
     return info, arrays
 
 

@@ -17,7 +17,7 @@ from interpose.evaluate import metrics
 from interpose.evaluate.metrics import Scores
 from interpose.gallery.tracks import track_of
 from interpose.motion import Motion
-from interpose.retarget import Mapping, from_humanoid, to_humanoid
+from interpose.retarget import Mapping, to_humanoid
 from interpose.runtime.gap_batch import Batch
 from interpose.runtime.guidance import Gap
 from interpose.runtime.poses import Path
@@ -67,16 +67,11 @@ class Windows:
     def motion(self, row: int) -> Motion:
         return Motion(self.skeleton, self.root[row], self.local[row], self.rate)
 
-    def on_humanoid(self, mapping: Mapping | None) -> Windows:
-        """On the 22 joints; as they are without a mapping."""
-        return self if mapping is None else self._retargeted(to_humanoid, mapping)
-
-    def from_humanoid(self, mapping: Mapping | None) -> Windows:
-        """On the mapping's skeleton; as they are without a mapping."""
-        return self if mapping is None else self._retargeted(from_humanoid, mapping)
-
-    def _retargeted(self, transfer: Callable[[Motion, Mapping], Motion], mapping: Mapping) -> Windows:
-        """All frames of all windows as one motion, which is many times faster than one by one."""
+    def retargeted(self, transfer: Callable[[Motion, Mapping], Motion], mapping: Mapping | None) -> Windows:
+        """To or from the 22 joints, as `interpose.retarget` transfers a motion; as they are without a mapping."""
+        if mapping is None:
+            return self
+        # All frames of all windows as one motion, which is many times faster than one by one.
         flat = Motion(self.skeleton, self.root.reshape(-1, 3), self.local.reshape(-1, len(self.skeleton), 4), self.rate)
         made = transfer(flat, mapping)
         local = made.local_rotations.reshape(*self.root.shape[:2], -1, 4)
@@ -131,7 +126,7 @@ class Case:
     @cached_property
     def humanoid(self) -> Windows:
         """The recorded motion from key to key on the 22 joints."""
-        return self.windows.frames(slice(self.start, self.target + 1)).on_humanoid(self.mapping)
+        return self.windows.frames(slice(self.start, self.target + 1)).retargeted(to_humanoid, self.mapping)
 
     @cached_property
     def true_paths(self) -> list[Path]:
@@ -177,9 +172,7 @@ UNPAIRED: dict[str, Callable[[Case, Windows], Scores]] = {
     "foot_slide": lambda case, made: metrics.foot_slide(case.toes(made)),
     "foot_slide_speed": lambda case, made: metrics.foot_slide_speed(case.toes(made), case.windows.rate),
     "foot_slide_share": lambda case, made: metrics.foot_slide_share(case.toes(made), case.windows.rate),
-    "arrival_position": lambda case, made: metrics.arrival_position(
-        case.positions(made)[:, :-1], case.positions(made)[:, -1]
-    ),
+    "arrival_position": lambda case, made: metrics.arrival_position(case.positions(made)),
     "key_acceleration": lambda case, made: metrics.key_acceleration(
         case.positions(made, 1), case.windows.rate, 1, case.frames + 2
     ),

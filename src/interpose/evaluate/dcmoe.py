@@ -1,8 +1,6 @@
 """`interpose evaluate dcmoe`: how methods fill LaFAN1's test windows from one start frame, along each kind of path.
 
-Each model fills gaps of up to 90 frames without a path, along the true root's path, along the one that `--path auto`
-takes, and as eight variants, of which the best counts. Several models of one method are several seeds of a training:
-their mean is shown, too.
+:data:`DCMOE_HEADING` names the kinds. Several models of one method are seeds of a training: their mean is shown, too.
 """
 
 from __future__ import annotations
@@ -11,13 +9,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from interpose.errors import InputError
-from interpose.evaluate import figures, metrics, tables, windows
+from interpose.evaluate import metrics, tables, windows
 from interpose.evaluate.case import Case, check_lengths, scores, truth_scores
 from interpose.evaluate.fill import INTERP, Contender, fill, guided_paths, parse
 from interpose.evaluate.lafan1 import LAFAN1_METRICS
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import TRUTH, ResultRow, rows_of
-from interpose.render.sheet import SheetRow
+from interpose.render.sheet import SheetRow, contact_sheet
 from interpose.runtime.poses import Path as RootPath
 from interpose.runtime.request import Request
 
@@ -25,6 +23,8 @@ DCMOE_LENGTHS = (5, 15, 30, 45, 60, 75, 90)
 DCMOE_VARIANTS = 8
 SHEET_GAPS, SHEET_LENGTHS = 20, (15, 30, 45, 60, 90)
 """Gaps that are drawn beside the truth, and their lengths in turn."""
+SHEET_ROWS = 10
+"""Rows of one contact sheet."""
 BEST_VARIANT_METRICS = ("L2P", "L2Q", "L2Q_aligned", "ADE", "NPSS")
 DCMOE_HEADING = """# DC-MoE
 
@@ -69,7 +69,9 @@ def evaluate_dcmoe(
             found |= {"mean" + kind: metrics.mean_of_samples([each[kind] for each in kinds]) for kind in kinds[0]}
         rows += rows_of(case.protocol, case.length, found, base, seed)
     tables.write(rows, out, tables.to_markdown(rows, DCMOE_HEADING))
-    figures.draw_gaps(sheet_rows(source, chosen[0]), out)
+    drawn = sheet_rows(source, chosen[0])
+    for page, first in enumerate(range(0, len(drawn), SHEET_ROWS), 1):
+        contact_sheet(out / f"gaps-{page}.png", drawn[first : first + SHEET_ROWS])
     return rows
 
 

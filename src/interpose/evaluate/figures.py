@@ -1,4 +1,4 @@
-"""Figures of evaluations: curves and confusion matrices, where matplotlib is installed, and contact sheets."""
+"""Figures of evaluations: curves and confusion matrices, where matplotlib is installed."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from numpy import ndarray
 
 from interpose.gallery.plots.canvas import png
 from interpose.io.files import write_whole
-from interpose.render import sheet
-from interpose.render.sheet import SheetRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +24,6 @@ else:  # what checks types while tests run cannot see them
 RATIO_TICKS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50)
 NUMBERED_STYLES = 20
 """A confusion matrix of more styles has no numbers in its cells."""
-SHEET_ROWS = 10
-"""Rows of one contact sheet."""
 
 
 def _draw(path: Path, size: tuple[float, float], dpi: int, paint: Callable[[Figure], None]) -> bool:
@@ -124,14 +120,3 @@ def draw_confusion(
         figure.supxlabel("classified as, % of the row", fontsize=8)
 
     return _draw(path, (size * len(matrices[0]), 1.05 * size * len(matrices)), 110, paint)
-
-
-def draw_gaps(rows: Sequence[SheetRow], out: Path) -> None:
-    """Contact sheets ``gaps-1.png`` and so on of :data:`SHEET_ROWS` rows each."""
-    for page, first in enumerate(range(0, len(rows), SHEET_ROWS), 1):
-        sheet.contact_sheet(out / f"gaps-{page}.png", rows[first : first + SHEET_ROWS])
-
-
-def draw_samples(rows: Sequence[SheetRow], heading: str, out: Path) -> None:
-    """Figure 8 of Ren et al. 2024: ``samples.png``."""
-    sheet.contact_sheet(out / "samples.png", rows, heading)

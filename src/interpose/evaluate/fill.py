@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from interpose.errors import InputError
 from interpose.evaluate.case import Case, Windows, joined
+from interpose.retarget import from_humanoid, to_humanoid
 from interpose.runtime import guidance, model_folder
 from interpose.runtime.backends.backend import Abilities, Backend
 from interpose.runtime.backends.interp import InterpBackend
@@ -112,7 +113,7 @@ def fill(
         made = contender.backend.generate(contender.model, batch_of(known.batch, target.batch, frames))
         motion = Windows(windows.skeleton, windows.rate, made.root, made.local)
         return FilledGaps(motion, motion)
-    keys = known.on_humanoid(case.mapping), target.on_humanoid(case.mapping)
+    keys = [known.retargeted(to_humanoid, case.mapping), target.retargeted(to_humanoid, case.mapping)]
     draws = None if seed is None else [(seed, row) for row in range(len(case))]
     batch = batch_of(
         keys[0].batch, keys[1].batch, frames, styles=styles, paths=paths, draws=draws, style_strength=style_strength
@@ -121,7 +122,7 @@ def fill(
     raw = Windows(HUMANOID, windows.rate, made.root, made.local)
 
     def on_data(motion: Windows) -> Windows:
-        motion = motion.from_humanoid(case.mapping)
+        motion = motion.retargeted(from_humanoid, case.mapping)
         return replace(motion, local=continued(known.local[:, -1], motion.local))
 
     locked = with_locked_feet(keys[0], raw, keys[1], made)

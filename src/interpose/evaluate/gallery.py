@@ -1,10 +1,7 @@
 """`interpose evaluate gallery`: how well the paths and durations of a gallery perform on gaps that it has not seen.
 
-Windows of a prepared database, one start frame known. The model fills each gap along several paths of the true
-duration: unconstrained (`none`), a straight line (`straight`), the nearest trajectory of the gallery (`gallery`, what
-`--path gallery` takes), a direct candidate drawn at random as the paper's Algorithm 1 draws it (`random`), and the true
-root's (`true`). Beside that: how near the suggested duration is to the true one, and how far apart the roots of seven
-variants are, along the gallery's proposals and with other start phases alone.
+The model fills each gap along paths of the true duration: none, a straight one, the trajectory that `--path gallery`
+takes, a direct candidate drawn at random (the paper's Algorithm 1), and the true root's. docs/evaluation.md has more.
 """
 
 from __future__ import annotations

@@ -159,13 +159,13 @@ def foot_slide_share(toes: Toes, rate: float) -> Scores:
     return Scores((fast & contact).sum(axis=(1, 2)).astype(float), contact.sum(axis=(1, 2)).astype(float))
 
 
-def arrival_position(pred: Positions, target: Float[ndarray, "window joint 3"]) -> Scores:
+def arrival_position(whole: Positions) -> Scores:
     """How far from the target the transition leads: mean distance over joints, in the unit of the positions.
 
-    Where it leads is the last frame carried on by one more step like the last. ``pred`` begins with the start key and
-    ends with the last frame before the target. A true motion does not quite give zero, for it accelerates.
+    ``whole``: the transition with both its keys. Where it leads is its last frame carried on by one more step like the
+    last. A true motion does not quite give zero, for it accelerates.
     """
-    return mean(np.linalg.norm(2.0 * pred[:, -1] - pred[:, -2] - target, axis=-1))
+    return mean(np.linalg.norm(2.0 * whole[:, -2] - whole[:, -3] - whole[:, -1], axis=-1))
 
 
 def acceleration(
@@ -221,12 +221,10 @@ def mean_of_samples(each: Sequence[Mapping[str, Scores]]) -> dict[str, Scores]:
 
 def best_of_samples(each: Sequence[Mapping[str, Scores]], names: Sequence[str]) -> dict[str, Scores]:
     """The smallest value of every named metric among several samples, window by window."""
-    return {name: _best([one[name] for one in each]) for name in names}
-
-
-def _best(each: Sequence[Scores]) -> Scores:
-    totals = np.stack([s.total for s in each])
-    weights = np.stack([s.weight for s in each])
-    ratio = np.divide(totals, weights, out=np.full_like(totals, np.inf), where=weights > 0.0)
-    best = np.argmin(ratio, axis=0)[None]
-    return Scores(np.take_along_axis(totals, best, 0)[0], np.take_along_axis(weights, best, 0)[0])
+    out = {}
+    for name in names:
+        totals, weights = (np.stack([getattr(one[name], part) for one in each]) for part in ("total", "weight"))
+        ratio = np.divide(totals, weights, out=np.full_like(totals, np.inf), where=weights > 0.0)
+        best = np.argmin(ratio, axis=0)[None]
+        out[name] = Scores(np.take_along_axis(totals, best, 0)[0], np.take_along_axis(weights, best, 0)[0])
+    return out

@@ -1,9 +1,7 @@
 """`interpose evaluate stitch`: table 1 of Ren et al. 2024, and the figures 6 and 8, from exactly two frames.
 
 Windows of 50 frames of subject 5, one each 20, moved and turned by their first frame. A gap of n frames counts both its
-keys, as in the paper: frame 0 is the start, frame n - 1 the target, and the n - 2 between are scored. A model whose
-variants differ by their latents is shown three times: the likeliest motion (the prior's mean), the mean of ten samples,
-and for each window and metric the best of the ten.
+keys, as in the paper: frame 0 is the start, frame n - 1 the target, and the n - 2 between are scored.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from interpose.evaluate.fill import INTERP, Contender, fill, parse
 from interpose.evaluate.metrics import Scores
 from interpose.evaluate.tables import TRUTH, ResultRow, rows_of
 from interpose.evaluate.windows import SCALE_WINDOW
-from interpose.render.sheet import SheetRow
+from interpose.render.sheet import SheetRow, contact_sheet
 
 STITCH_LENGTHS = (10, 30, 50)
 """Frames of a gap, both keys counted."""
@@ -78,7 +76,7 @@ def evaluate_stitch(
     figures.draw_errors(errors, out / "errors.png")
     if sampled:
         heading = f"{sampled[0].name}: one gap of {max(lengths)} frames"
-        figures.draw_samples(sheet_rows(cases[-1], sampled[0]), heading, out)
+        contact_sheet(out / "samples.png", sheet_rows(cases[-1], sampled[0]), heading)
     return rows
 
 

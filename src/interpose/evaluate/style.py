@@ -1,12 +1,7 @@
 """`interpose evaluate style`: whether a classifier recognises the requested style in the generated motion.
 
-The classifier is trained on frames that the generator never saw: the ends of clips that trainings hold out. It is
-tested on gaps of the same clips' training parts, and on a smaller set within the held-out ends, where the keys are new
-to the generator too: there two classifiers take turns, each trained on one half of every end and tested on the other.
-It sees the middle second of a gap, half a second or more from the keys.
-
-A style is requested between two keys that show it (`own`) and between two keys that show another one (`other`). Beside
-the model stand the recorded motion, the interpolation of the keys, and the model with its style left free.
+It sees the middle second of a gap, half a second or more from the keys, which show the style (`own`) or another one
+(`other`). Beside the model stand the recorded motion, interpolation, and the model with its style left free.
 """
 
 from __future__ import annotations
@@ -99,7 +94,11 @@ def evaluate_style(
 
 
 def splits(database: Database, part: str) -> list[ClassifierSplit]:
-    """Which frames train classifiers, and which test them. Raises InputError where the database holds nothing out."""
+    """Which frames train classifiers, and which test them. Raises InputError where the database holds nothing out.
+
+    One is trained on the ends of clips that trainings hold out, which the generator never saw, and tested on the rest
+    of these clips. Two take turns on the halves of the ends, where the keys are new to the generator too.
+    """
     if part == "all":
         halves = [_halves([(a, b)]) for a, b in database.ranges.tolist() if b - a >= 2 * CLASSIFIED_FRAMES]
         first, second = [h[0][0] for h in halves], [h[1][0] for h in halves]

@@ -3,10 +3,6 @@
 Test: every window of 65 frames of the files of subject 5, one each 40 frames. Ten known frames, then the gap of 5, 15,
 30 or 45 frames, then the target. Each window is moved so that the mean of its root on the ground is the origin, and
 turned about the vertical so that the hips' local +Y axis, laid on the ground, points to +X in the start key.
-
-L2P divides each coordinate by its standard deviation over the windows of 50 frames, one each 20, of subjects 1 to 4,
-moved and turned in the same way. Gaps longer than 45 frames do not fit the official window; theirs is n + 20 frames
-long, and the protocol's name is ``lafan1-extended``.
 """
 
 from __future__ import annotations
@@ -103,7 +99,10 @@ def _placement(
 
 
 def position_scale(clips: tuple[Motion, ...]) -> Float[ndarray, "joint 3"]:
-    """The standard deviation of each joint's global coordinates over the training windows, metres."""
+    """The standard deviation of each joint's global coordinates over the training windows, metres.
+
+    These have 50 frames, one each 20, moved and turned like the test's. L2P divides by it.
+    """
     count, total, squares = 0, np.zeros((JOINTS, 3)), np.zeros((JOINTS, 3))
     for clip in clips:
         frames = _window_frames(len(clip), SCALE_WINDOW, SCALE_OFFSET)

@@ -19,7 +19,6 @@ from interpose.features import JOINTS, POSE
 
 SEAM_FRAMES = 6
 """Frames to either side of the seam that are smoothed, less and less."""
-
 STANDING = (0.13, 0.05, 0.13, 0.05)
 """Metres below which ankle and toe of a lone key count as in contact."""
 

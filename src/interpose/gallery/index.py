@@ -272,8 +272,8 @@ def _read(
 ) -> FoundWindows:
     """Those of the windows that are wanted, with errors of at most ``limit``."""
     at_start, at_end = np.array([wanted.units(0), wanted.units(1)], dtype=np.uint16)[mirrored].T
-    error = errors(*index.facing[rows].T, (at_start, at_end), wanted.criterion)
-    distance = index.distance[rows]
+    facing, distance = index.facing[rows], index.distance[rows]
+    error = errors(facing[:, 0], facing[:, 1], (at_start, at_end), wanted.criterion)
     fits = (error <= limit) & (distance >= wanted.distance[0]) & (distance <= wanted.distance[1])
     rows = rows[fits]
     columns = index.start[rows], index.steps[rows], mirrored[fits], error[fits]

@@ -140,9 +140,9 @@ def draw(one: Matched) -> bytes:
         canvas.title(axes, label[1], label[2], label[0])
         panels.append(axes)
     a, b, c, d = panels
-    _straight(a, start, target, canvas.INK, f"{query.distance:.2f} m")
+    _straight(a, start, target, canvas.INK, f"{query.distance:.2f} m", shown[0][:2])
     _ends(a, query, arrow, (canvas.START, canvas.TARGET), "target", np.stack([start, target]))
-    _straight(b, found[0], found[-1], canvas.FAINT, f"{own.distance:.2f} m", away_from=found)
+    _straight(b, found[0], found[-1], canvas.FAINT, f"{own.distance:.2f} m", found)
     _path(b, found, canvas.INK)
     _ends(b, own, arrow, (canvas.INK, canvas.INK), "end", found)
     _angle(c, both, own.heading, one.angle)
@@ -172,21 +172,14 @@ def _about(one: Matched) -> str:
 
 
 def _straight(
-    axes: canvas.Axes,
-    a: Float[ndarray, "2"],
-    b: Float[ndarray, "2"],
-    colour: str,
-    label: str,
-    away_from: Float[ndarray, "time 2"] | None = None,
+    axes: canvas.Axes, a: Float[ndarray, "2"], b: Float[ndarray, "2"], colour: str, label: str, places: ndarray
 ) -> None:
-    """The straight arrow from ``a`` to ``b``, with its length beside it."""
+    """The straight arrow from ``a`` to ``b``, with its length beside it, on the other side of most ``places``."""
     dashed = {"arrowstyle": "-|>", "color": colour, "lw": 1.6, "ls": (0, (5, 3)), "mutation_scale": 16.0}
     axes.annotate("", tuple(b), tuple(a), arrowprops={**dashed, "shrinkA": 9.0, "shrinkB": 9.0}, zorder=2.0)
     angle = float(np.arctan2(*(b - a)[::-1]))
-    side = 1.0
-    if away_from is not None:
-        normal = canvas.toward(angle + np.pi / 2.0)
-        side = -1.0 if float(np.mean((away_from - a) @ normal)) > 0.0 else 1.0
+    normal = canvas.toward(angle + np.pi / 2.0)
+    side = -1.0 if float(np.mean((places - a) @ normal)) > 1e-9 else 1.0
     canvas.beside(axes, (a + b) / 2.0, angle + side * np.pi / 2.0, label, colour, gap=10.0)
 
 
