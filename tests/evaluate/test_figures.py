@@ -24,11 +24,11 @@ def colours(path: Path) -> int:
 
 def test_curves_are_pictures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    assert figures.draw_ratios(RATIOS, tmp_path / "l2p.png")
+    figures.draw_ratios(RATIOS, tmp_path / "l2p.png")
     with Image.open(tmp_path / "l2p.png") as picture:
         assert picture.size == (960, 600)
     errors = {"interp": [np.linspace(0.0, 0.1, 8)], "stitch": [np.full(8, 0.02), np.full(8, 0.04)]}
-    assert figures.draw_errors(errors, tmp_path / "errors.png")
+    figures.draw_errors(errors, tmp_path / "errors.png")
     assert colours(tmp_path / "l2p.png") > 10
     assert colours(tmp_path / "errors.png") > 10
 
@@ -36,13 +36,11 @@ def test_curves_are_pictures(tmp_path: Path) -> None:
 def test_confusion_matrices_are_pictures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     counts = np.array([[3.0, 1.0], [0.0, 0.0]])
-    assert figures.draw_confusion(
-        [{"x1, own keys": counts}, {"x1, other keys": counts.T}], ["A", "B"], tmp_path / "c.png"
-    )
+    figures.draw_confusion([{"x1, own keys": counts}, {"x1, other keys": counts.T}], ["A", "B"], tmp_path / "c.png")
     assert colours(tmp_path / "c.png") > 10
 
 
 def test_without_matplotlib_nothing_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    assert not figures.draw_ratios(RATIOS, tmp_path / "l2p.png")
+    figures.draw_ratios(RATIOS, tmp_path / "l2p.png")
     assert list(tmp_path.iterdir()) == []

@@ -60,10 +60,6 @@ class Curve:
             return self.points[0] + np.clip(share, 0.0, 1.0) * (self.points[-1] - self.points[0])
         return CubicSpline(self.arc, self.points)(arc)
 
-    def heading_at(self, arc: Float[ndarray, "*batch"]) -> Float[ndarray, "*batch"]:
-        """The direction at some arc lengths, yaw in radians."""
-        return np.asarray(np.interp(arc, self.arc, self.heading))
-
 
 def attached(points: Float[ndarray, "point 2"], place: Float[ndarray, "2"], *, last: bool) -> Float[ndarray, "point 2"]:
     """The points with their first (or ``last``) moved onto ``place``, and its neighbours by less and less, so that a
@@ -71,7 +67,7 @@ def attached(points: Float[ndarray, "point 2"], place: Float[ndarray, "2"], *, l
     if last:
         return attached(points[::-1], place, last=False)[::-1]
     away = place - points[0]
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=-1))])
+    along = _lengths(points)
     reach = max(min(ATTACH_SPREAD * float(np.linalg.norm(away)), float(along[-1])), 1e-12)
     moved = points + (1.0 - ease(along / reach))[:, None] * away
     moved[0] = place

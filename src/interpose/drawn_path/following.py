@@ -78,7 +78,7 @@ def follow(
         progress = _paced(gallery, tied.curve, facing, query, request, ends, seed)
     steps = _steps(request, progress)
     arc = progress.sampled(steps)
-    heading = tied.curve.heading_at(arc) if given is None else _looking(tied.curve, given, arc)
+    heading = np.interp(arc, tied.curve.arc, tied.curve.heading) if given is None else _looking(tied.curve, given, arc)
     track = gaussian(np.concatenate([tied.curve.at(arc), heading[:, None]], axis=-1), min(TIME_SMOOTHING, steps / 8.0))
     if given is None:
         track[:, 2] += offset.over(steps)

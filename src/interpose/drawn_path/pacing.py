@@ -137,7 +137,9 @@ def progress(
     if curve.length < SHORTEST_CURVE:
         return PathProgress(curve.arc, float(schedule[-1]))
     cells = np.diff(curve.arc)
-    squares = np.square(np.minimum(cells / np.maximum(np.diff(schedule), 1e-9), _fastest(curve)))
+    bend = np.maximum(np.abs(np.diff(curve.heading)) / cells, 1e-9)
+    fastest = np.minimum(MOST_TURN_SPEED / bend, np.sqrt(MOST_SIDEWAYS / bend))  # that turning allows, m/s
+    squares = np.square(np.minimum(cells / np.maximum(np.diff(schedule), 1e-9), fastest))
     # Squared speeds may change by at most 2 a per metre: a forward and a backward pass bound them.
     slope = 2.0 * MOST_BRAKING * (curve.arc[1:] - curve.arc[1])
     squares = np.minimum.accumulate(squares - slope) + slope
@@ -228,9 +230,3 @@ def _slowness(
         inside = (at >= cuts[piece]) & (at <= cuts[piece + 1])
         slowness[inside] = np.interp((at[inside] - cuts[piece]) / (cuts[piece + 1] - cuts[piece]), done, 1.0 / speed)
     return slowness
-
-
-def _fastest(curve: Curve) -> Float[ndarray, "cell"]:
-    """The greatest speed between samples that turning allows, m/s."""
-    bend = np.maximum(np.abs(np.diff(curve.heading)) / np.diff(curve.arc), 1e-9)
-    return np.minimum(MOST_TURN_SPEED / bend, np.sqrt(MOST_SIDEWAYS / bend))

@@ -64,8 +64,9 @@ class Windows:
         """One frame of each window; negative from the end."""
         return self.frames(slice(at, at + 1 or None))
 
-    def motion(self, row: int) -> Motion:
-        return Motion(self.skeleton, self.root[row], self.local[row], self.rate)
+    @property
+    def motions(self) -> list[Motion]:
+        return [Motion(self.skeleton, *arrays, self.rate) for arrays in zip(self.root, self.local, strict=True)]
 
     def retargeted(self, transfer: Callable[[Motion, Mapping], Motion], mapping: Mapping | None) -> Windows:
         """To or from the 22 joints, as `interpose.retarget` transfers a motion; as they are without a mapping."""
@@ -131,13 +132,12 @@ class Case:
     @cached_property
     def true_paths(self) -> list[Path]:
         """The path of the recorded root in each gap."""
-        return [track_of(self.humanoid.motion(row)) for row in range(len(self))]
+        return [track_of(motion) for motion in self.humanoid.motions]
 
     @cached_property
     def gaps(self) -> list[Gap]:
         """The keys of each gap, from which paths and durations are predicted."""
-        motions = [self.humanoid.motion(row) for row in range(len(self))]
-        return [Gap(motion[0], motion[-1]) for motion in motions]
+        return [Gap(motion[0], motion[-1]) for motion in self.humanoid.motions]
 
     def take(self, rows: Sequence[int]) -> Case:
         """Some of the gaps, of which one may stand several times."""

@@ -97,7 +97,7 @@ def sheet_rows(source: windows.LaFAN1, contender: Contender) -> list[SheetRow]:
         case = case.take([number * len(case) // SHEET_GAPS])
         made = fill(case, contender).motion
         rows.append(
-            SheetRow(case.with_keys(case.truth).motion(0), f"gap {number + 1}: {frames} frames", ("the truth",))
+            SheetRow(case.with_keys(case.truth).motions[0], f"gap {number + 1}: {frames} frames", ("the truth",))
         )
-        rows.append(SheetRow(case.with_keys(made).motion(0), f"gap {number + 1}", (f"made by {contender.name}",)))
+        rows.append(SheetRow(case.with_keys(made).motions[0], f"gap {number + 1}", (f"made by {contender.name}",)))
     return rows

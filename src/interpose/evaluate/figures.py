@@ -26,16 +26,15 @@ NUMBERED_STYLES = 20
 """A confusion matrix of more styles has no numbers in its cells."""
 
 
-def _draw(path: Path, size: tuple[float, float], dpi: int, paint: Callable[[Figure], None]) -> bool:
-    """Write a figure of so many inches; False without matplotlib."""
+def _draw(path: Path, size: tuple[float, float], dpi: int, paint: Callable[[Figure], None]) -> None:
+    """Write a figure of so many inches; nothing without matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        return False
+        return
     figure = Figure(figsize=size, dpi=dpi, layout="constrained")
     paint(figure)
     write_whole(path, png(figure))
-    return True
 
 
 def _curve(axes: Axes, frames: Sequence[int], values: Any, band: tuple[Any, Any] | None, **look: Any) -> None:
@@ -52,8 +51,8 @@ def _finish(axes: Axes, below: str, beside: str) -> None:
     axes.legend(frameon=False)
 
 
-def draw_ratios(rows: Sequence[ResultRow], path: Path) -> bool:
-    """L2P over interp's by the length of the gap, a curve a method with its interval; False without matplotlib."""
+def draw_ratios(rows: Sequence[ResultRow], path: Path) -> None:
+    """L2P over interp's by the length of the gap, a curve a method with its interval; nothing without matplotlib."""
 
     def paint(figure: Figure) -> None:
         axes = figure.add_subplot()
@@ -73,12 +72,12 @@ def draw_ratios(rows: Sequence[ResultRow], path: Path) -> bool:
         axes.set_xticks(sorted({row.frames for row in rows}))
         _finish(axes, "length of the gap (frames at 30 Hz)", "L2P / L2P of interp")
 
-    return _draw(path, (6.4, 4.0), 150, paint)
+    _draw(path, (6.4, 4.0), 150, paint)
 
 
-def draw_errors(errors: Mapping[str, Sequence[Float[ndarray, "frame"]]], path: Path) -> bool:
+def draw_errors(errors: Mapping[str, Sequence[Float[ndarray, "frame"]]], path: Path) -> None:
     """Figure 6 of Ren et al. 2024: the mean displacement of the joints in each frame, a curve a method, a band over its
-    samples. errors: metres, by method. False without matplotlib.
+    samples. errors: metres, by method. nothing without matplotlib.
     """
 
     def paint(figure: Figure) -> None:
@@ -91,13 +90,13 @@ def draw_errors(errors: Mapping[str, Sequence[Float[ndarray, "frame"]]], path: P
         axes.set_ylim(bottom=0.0)
         _finish(axes, "frame of the gap", "mean displacement of the joints (cm)")
 
-    return _draw(path, (6.4, 4.0), 150, paint)
+    _draw(path, (6.4, 4.0), 150, paint)
 
 
 def draw_confusion(
     matrices: Sequence[Mapping[str, Float[ndarray, "style style"]]], styles: Sequence[str], path: Path
-) -> bool:
-    """Confusion matrices by their titles, a row of pictures a mapping; False without matplotlib.
+) -> None:
+    """Confusion matrices by their titles, a row of pictures a mapping; nothing without matplotlib.
 
     A matrix counts how often gaps with the requested style of a row were classified as the style of a column.
     """
@@ -119,4 +118,4 @@ def draw_confusion(
             beside[0].set_ylabel("requested", fontsize=8)
         figure.supxlabel("classified as, % of the row", fontsize=8)
 
-    return _draw(path, (size * len(matrices[0]), 1.05 * size * len(matrices)), 110, paint)
+    _draw(path, (size * len(matrices[0]), 1.05 * size * len(matrices)), 110, paint)

@@ -118,4 +118,4 @@ def sheet_rows(case: Case, method: Contender) -> list[SheetRow]:
     made |= {f"sample {i}": fill(one, method, seed=i).motion for i in range(1, SHEET_SAMPLES + 1)}
     made["truth"] = one.truth
     notes = {"likeliest": ("the mean of the prior",)}
-    return [SheetRow(one.with_keys(each).motion(0), name, notes.get(name, ())) for name, each in made.items()]
+    return [SheetRow(one.with_keys(each).motions[0], name, notes.get(name, ())) for name, each in made.items()]

@@ -94,8 +94,8 @@ def rows_of(
     return rows
 
 
-def write(rows: Sequence[ResultRow], folder: Path, markdown: str) -> list[Path]:
-    """Write ``results.json``, ``.csv``, ``.md`` and, where it shows something, ``l2p.png``; returns the paths.
+def write(rows: Sequence[ResultRow], folder: Path, markdown: str) -> None:
+    """Write ``results.json``, ``.csv``, ``.md`` and, where it shows something, ``l2p.png``.
 
     Without matplotlib there is no figure. Raises InputError where the folder cannot be made.
     """
@@ -103,15 +103,11 @@ def write(rows: Sequence[ResultRow], folder: Path, markdown: str) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: the folder cannot be made: {(error.strerror or str(error)).lower()}") from None
-    texts = {"json": to_json(rows), "csv": to_csv(rows), "md": markdown}
-    paths = []
-    for suffix, text in texts.items():
-        paths.append(folder / f"results.{suffix}")
-        write_whole(paths[-1], text.encode())
+    for suffix, text in {"json": to_json(rows), "csv": to_csv(rows), "md": markdown}.items():
+        write_whole(folder / f"results.{suffix}", text.encode())
     ratios = [row for row in rows if row.metric == "L2P" and not math.isnan(row.ratio_to_interp)]
-    if ratios and figures.draw_ratios(ratios, folder / "l2p.png"):
-        paths.append(folder / "l2p.png")
-    return paths
+    if ratios:
+        figures.draw_ratios(ratios, folder / "l2p.png")
 
 
 def to_json(rows: Sequence[ResultRow]) -> str:

@@ -113,34 +113,6 @@ def smoothed(values: Float[ndarray, "batch frame *channel"], steps: int) -> Floa
     return values + share * (smooth - values)
 
 
-def body_shapes(turn: int) -> dict[str, tuple[int, ...]]:
-    """A chain's newest frame, without the batch axis. turn: numbers of a joint's rotation, 6 or (paper's form) 4."""
-    return {
-        "hips": (3,),
-        "rotations": (JOINTS, turn),
-        "positions": (JOINTS, 3),
-        "velocities": (JOINTS, 3),
-        "known": (1,),
-        "contacts": (4,),
-        "phase": (4,),
-    }
-
-
-def aim_shapes(turn: int) -> dict[str, tuple[int, ...]]:
-    """What a step is led to, without the batch axis: the aim's pose, the frames left to it, and the base (hips, 6-D) at
-    the current frame, the next one and the aim."""
-    pose = (POSE,)
-    return {
-        "aim_hips": (3,),
-        "aim_rotations": (JOINTS, turn),
-        "aim_positions": (JOINTS, 3),
-        "left": (1,),
-        "base_here": pose,
-        "base_following": pose,
-        "base_there": pose,
-    }
-
-
 def memory_shapes(encoder: int, decoder: int) -> dict[str, tuple[int, ...]]:
     """What the generators' LSTMs carry, without the batch axis."""
     return {
@@ -151,19 +123,36 @@ def memory_shapes(encoder: int, decoder: int) -> dict[str, tuple[int, ...]]:
     }
 
 
-def latent_shapes(units: int, styles: int) -> dict[str, tuple[int, ...]]:
-    """latent: z of the gap, or the frame's noise; share: gamma of equation 2; style: as in
-    `interpose.features.plan`."""
-    return {"latent": (units,), "share": (1,), "style": (styles + 1,)}
-
-
 DETAIL_SHAPES: dict[str, tuple[int, ...]] = {"hips": (-1, 3), "rotations": (-1, JOINTS, 6), "contacts": (-1, 4)}
 """The inputs of a detail transformer, without the batch axis: a motion of any length (-1) with both its keys."""
 
 
 def network_shapes(network: dict[str, Any], styles: int) -> dict[str, dict[str, tuple[int, ...]]]:
-    """The inputs of a model's networks by name. network: what its `model.json` says of them."""
-    turn = 4 if network["form"] == "paper" else 6
-    step = body_shapes(turn) | aim_shapes(turn) | memory_shapes(network["memory"], network["decoder_memory"])
-    step |= latent_shapes(network["latent"], styles)
+    """The inputs of a model's networks by name, without the batch axis. network: what its `model.json` says of them.
+
+    First comes a chain's newest frame, then what the step is led to: the aim's pose, the frames left to it, and the
+    base (hips, 6-D) at the current frame, the next one and the aim. latent: z of the gap, or the frame's noise. share:
+    gamma of equation 2. style: as in `interpose.features.plan`.
+    """
+    turn = 4 if network["form"] == "paper" else 6  # numbers of a joint's rotation
+    step = {
+        "hips": (3,),
+        "rotations": (JOINTS, turn),
+        "positions": (JOINTS, 3),
+        "velocities": (JOINTS, 3),
+        "known": (1,),
+        "contacts": (4,),
+        "phase": (4,),
+        "aim_hips": (3,),
+        "aim_rotations": (JOINTS, turn),
+        "aim_positions": (JOINTS, 3),
+        "left": (1,),
+        "base_here": (POSE,),
+        "base_following": (POSE,),
+        "base_there": (POSE,),
+        **memory_shapes(network["memory"], network["decoder_memory"]),
+        "latent": (network["latent"],),
+        "share": (1,),
+        "style": (styles + 1,),
+    }
     return {"front": step, "back": step}
