@@ -28,8 +28,7 @@ from interpose import rotation
 from interpose.demo import poses
 from interpose.motion import Motion, concatenate
 from interpose.runtime.model_folder import Session, load
-from interpose.runtime.streaming.stream import Stream
-from interpose.runtime.streaming.streams import Streams
+from interpose.runtime.streaming.streams import Stream, Streams
 from interpose.skeleton import HUMANOID, Skeleton
 
 CROWDS = (1, 8, 64)

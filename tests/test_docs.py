@@ -21,7 +21,7 @@ from interpose.data import sources
 from interpose.retarget import profiles
 from interpose.runtime.backends.backend import Backend
 from interpose.runtime.gap_batch import batch_of
-from interpose.runtime.info import Info
+from interpose.runtime.request import Info
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "interpose"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from interpose import rotation
@@ -68,9 +68,9 @@ class Motion:
     def __len__(self) -> int:
         return len(self.root_positions)
 
-    def __getitem__(self, frames: int | slice) -> Motion:
-        """One frame, or a range of frames, as a motion. Raises IndexError for a frame outside the motion."""
-        if not isinstance(frames, slice):
+    def __getitem__(self, frames: int | slice | Int[ndarray, "some"]) -> Motion:
+        """One frame, a range or some of the frames, as a motion. Raises IndexError for a frame outside the motion."""
+        if not isinstance(frames, slice | ndarray):
             count = len(self)
             if not -count <= frames < count:
                 raise IndexError(f"frame {frames} of a motion of {count} frames")

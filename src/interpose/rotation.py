@@ -32,6 +32,11 @@ def inverse(q: Float[ndarray, "*batch 4"]) -> Float[ndarray, "*batch 4"]:
     return q * np.array([-1.0, -1.0, -1.0, 1.0])
 
 
+def unit(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
+    """Vectors at length one; the zero vector stays."""
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
+
+
 def rotate(q: Float[ndarray, "*#batch 4"], v: Float[ndarray, "*#batch 3"]) -> Float[ndarray, "*batch 3"]:
     """The vectors ``v`` turned by ``q``. Shapes broadcast."""
     return np.squeeze(to_matrix(q) @ v[..., None], axis=-1)

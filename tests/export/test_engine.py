@@ -16,10 +16,10 @@ from interpose import rotation
 from interpose.export import dcmoe, engine, onnx_file, planner
 from interpose.motion import from_global
 from interpose.runtime import poses
-from interpose.runtime.backends import dcmoe_state
+from interpose.runtime.backends.dcmoe import initial_state, resting_path
 from interpose.runtime.model_folder import load
 from interpose.runtime.streaming import fading
-from interpose.runtime.streaming.stream import Stream
+from interpose.runtime.streaming.streams import Stream
 from interpose.skeleton import HUMANOID, global_rotations
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "engine"
@@ -57,10 +57,10 @@ def test_begin_makes_the_state_of_a_pose(known):
     made = begun(known)
     frames = [[at - 1, at] if known else [at] for at in START]
     context = poses.pose_of(CLIP.root_positions[frames], CLIP.local_rotations[frames])
-    wanted = dcmoe_state.initial_state(context, np.zeros((2, 13, 10, 2)))
+    wanted = initial_state(context, np.zeros((2, 13, 10, 2)))
     for name, value in wanted.items():
         np.testing.assert_allclose(made[name], value, atol=2e-4 if name == "velocities" else 1e-5, err_msg=name)
-    np.testing.assert_allclose(made["path"], dcmoe_state.resting_path(context), atol=1e-5)
+    np.testing.assert_allclose(made["path"], resting_path(context), atol=1e-5)
 
 
 def aim_feed(frames: int) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from interpose import io
 from interpose.errors import InputError
-from interpose.io import bvh
+from interpose.io import bvh_read, bvh_write
 
 Save = Callable[[str | bytes], Path]
 Change = Callable[[str], str | bytes]
@@ -228,13 +228,13 @@ def test_damaged_files_give_a_motion_or_an_input_error(seeds: list[bytes]) -> No
     try:
         for content in damaged(seeds):
             try:
-                motion = bvh.parse(content, "clip.bvh")
+                motion = bvh_read.parse(content, "clip.bvh")
             except InputError as error:
                 messages.append(str(error))
                 continue
             good += 1
             assert np.isfinite(motion.global_positions()).all()
-            again = bvh.parse(bvh.serialize(motion), "again.bvh", motion.layout.metres_per_unit)
+            again = bvh_read.parse(bvh_write.serialize(motion), "again.bvh", motion.layout.metres_per_unit)
             np.testing.assert_array_equal(again.local_rotations, motion.local_rotations)
             np.testing.assert_array_equal(again.root_positions, motion.root_positions)
     finally:
@@ -246,7 +246,7 @@ def test_damaged_files_give_a_motion_or_an_input_error(seeds: list[bytes]) -> No
 
 
 def test_the_files_are_valid_before_they_are_damaged(seeds: list[bytes]) -> None:
-    assert all(len(bvh.parse(content, "clip.bvh")) == 2 for content in seeds)
+    assert all(len(bvh_read.parse(content, "clip.bvh")) == 2 for content in seeds)
 
 
 def assert_same_as_pymotion(path: Path) -> None:
@@ -279,7 +279,7 @@ def test_a_generated_file_means_the_same_to_pymotion(tmp_path: Path, humanoid_te
 
 
 def test_generated_rows_mean_the_same_to_pymotion(tmp_path: Path, humanoid_text: Callable[..., str]) -> None:
-    motion = bvh.parse(humanoid_text(20).encode(), "clip")
+    motion = bvh_read.parse(humanoid_text(20).encode(), "clip")
     io.write(tmp_path / "made.bvh", motion, unchanged_rows={})
     assert_same_as_pymotion(tmp_path / "made.bvh")
 

@@ -10,26 +10,26 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from interpose import io, rotation
-from interpose.io import bvh
+from interpose.io import bvh_read, bvh_write
 from interpose.io.grounding import UnitLayout
 from interpose.motion import Motion, SourceLayout
 from interpose.skeleton import HUMANOID, Skeleton
 
 
 def test_rows_of_two_files_are_joined_where_their_channels_offsets_and_unit_agree(two_joints: str) -> None:
-    first = bvh.parse(two_joints.encode(), "first").layout
-    other = bvh.parse(two_joints.replace("11.0", "11.25").encode(), "other").layout
+    first = bvh_read.parse(two_joints.encode(), "first").layout
+    other = bvh_read.parse(two_joints.replace("11.0", "11.25").encode(), "other").layout
     assert isinstance(first, SourceLayout)
     joined, fits = first.joined(0, other, 1)
     assert fits
     assert [joined.row(i).split()[0] for i in range(len(joined.row_bounds))] == ["10.0", "11.25"]
     assert first.nbytes == len(two_joints.partition("0.033333")[2])
     for old, new in (("Zrotation Yrotation", "Yrotation Zrotation"), ("0.0 10.0 0.0", "0.0 10.5 0.0")):
-        changed = bvh.parse(two_joints.replace(old, new).encode(), "changed").layout
+        changed = bvh_read.parse(two_joints.replace(old, new).encode(), "changed").layout
         joined, fits = first.joined(1, changed, 0)
         assert not fits
         assert [joined.row(i).split()[0] for i in range(len(joined.row_bounds))] == ["11.0"]
-    for changed in (None, UnitLayout(0.01), bvh.parse(two_joints.encode(), "inches", 0.0254).layout):
+    for changed in (None, UnitLayout(0.01), bvh_read.parse(two_joints.encode(), "inches", 0.0254).layout):
         assert not first.joined(0, changed, 0)[1]
 
 
@@ -56,7 +56,7 @@ def test_the_default_layout_is_plain(tmp_path: Path) -> None:
 def test_names_that_bvh_cannot_hold_are_refused(name: str) -> None:
     body = Skeleton((name,), (-1,), np.zeros((1, 3)))
     with pytest.raises(ValueError, match="BVH cannot hold the joint name"):
-        bvh.serialize(Motion(body, np.zeros((1, 3)), np.array([[[0.0, 0.0, 0.0, 1.0]]]), 30.0))
+        bvh_write.serialize(Motion(body, np.zeros((1, 3)), np.array([[[0.0, 0.0, 0.0, 1.0]]]), 30.0))
 
 
 def turning(orders: list[str], angles: np.ndarray) -> tuple[Motion, np.ndarray]:
@@ -67,12 +67,12 @@ def turning(orders: list[str], angles: np.ndarray) -> tuple[Motion, np.ndarray]:
         lines += [f"{'JOINT' if joint else 'ROOT'} j{joint}", "{", "OFFSET 0 30 0", f"CHANNELS {len(order)} {names}"]
     rows = [" ".join(f"{x:.9f}" for x in frame.ravel()) for frame in angles]
     lines += ["}"] * len(orders) + ["MOTION", f"Frames: {len(angles)}", "Frame Time: 0.04", *rows, ""]
-    return bvh.parse("\n".join(lines).encode(), "made"), angles.reshape(len(angles), -1)
+    return bvh_read.parse("\n".join(lines).encode(), "made"), angles.reshape(len(angles), -1)
 
 
 def rows_written(motion: Motion, unchanged_rows: dict[int, int]) -> np.ndarray:
     """The numbers that are written for a motion, (frame, channel)."""
-    _, _, body = bvh.serialize(motion, unchanged_rows).decode().partition("Frame Time")
+    _, _, body = bvh_write.serialize(motion, unchanged_rows).decode().partition("Frame Time")
     return np.array([row.split() for row in body.splitlines()[1:]], dtype=float)
 
 
@@ -111,7 +111,7 @@ def test_new_rows_continue_from_the_kept_row_before_them() -> None:
 def test_near_gimbal_lock_the_rotation_is_right(order: str, middle: float, off: float) -> None:
     angles = np.array([[[20.0, middle - off, 30.0]], [[-50.0, middle + off, 170.0]], [[0.0, middle, 0.0]]])
     motion, _ = turning([order], angles)
-    again = bvh.parse(bvh.serialize(motion, {}), "again")
+    again = bvh_read.parse(bvh_write.serialize(motion, {}), "again")
     difference = rotation.multiply(rotation.inverse(motion.local_rotations), again.local_rotations)
     assert rotation.angle(difference).max() < 3e-7
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from interpose import io
-from interpose.io import bvh, bvh_layout, bvh_read
+from interpose.io import bvh_layout, bvh_read
 from interpose.motion import Motion
 
 Save = Callable[[str | bytes], Path]
@@ -145,7 +145,7 @@ def test_the_unit_is_found_from_the_size(
 
 
 def test_the_unit_can_be_given(two_joints: str) -> None:
-    motion = bvh.parse(two_joints.encode(), "clip", metres_per_unit=0.5)
+    motion = bvh_read.parse(two_joints.encode(), "clip", metres_per_unit=0.5)
     np.testing.assert_allclose(motion.root_positions[0], [5.0, 45.0, -2.5])
     np.testing.assert_allclose(motion.skeleton.offsets[1], [0.0, 5.0, 0.0])
 
@@ -248,7 +248,7 @@ def test_any_channels_in_any_order_give_the_poses_they_mean(
     rows = data.draw(st.lists(st.lists(NUMBERS, min_size=count, max_size=count), min_size=1, max_size=4))
     folder = tmp_path_factory.mktemp("tree")
     (folder / "in.bvh").write_text(tree_text(joints, rows))
-    motion = bvh.parse((folder / "in.bvh").read_bytes(), "in", metres_per_unit=0.01)
+    motion = bvh_read.parse((folder / "in.bvh").read_bytes(), "in", metres_per_unit=0.01)
 
     expected = np.array([world_matrices(joints, row) for row in rows])
     np.testing.assert_allclose(motion.global_positions(), expected[..., :3, 3] / 100.0, rtol=0, atol=1e-9)
@@ -260,7 +260,7 @@ def test_any_channels_in_any_order_give_the_poses_they_mean(
 
     io.write(folder / "made.bvh", motion, unchanged_rows={})
     assert_same_poses(
-        bvh.parse((folder / "made.bvh").read_bytes(), "made", metres_per_unit=0.01), motion, tolerance=2e-8
+        bvh_read.parse((folder / "made.bvh").read_bytes(), "made", metres_per_unit=0.01), motion, tolerance=2e-8
     )
 
 

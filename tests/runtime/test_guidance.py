@@ -14,7 +14,7 @@ from interpose.gallery.proposals import PathRequest
 from interpose.gallery.tracks import from_database, track_of
 from interpose.motion import Motion
 from interpose.runtime import guidance
-from interpose.runtime.backends import dcmoe, dcmoe_state
+from interpose.runtime.backends import dcmoe
 from interpose.runtime.gap_batch import batch_of
 from interpose.runtime.guidance import Gap, guide
 from interpose.runtime.model_folder import Session
@@ -55,13 +55,13 @@ def test_the_path_is_shown_as_in_training(frames):
         facing = frames.facing[span].numpy()
         yaw = np.unwrap(np.arctan2(facing[:, 0], facing[:, 1]))
         path = np.concatenate([frames.hips[span, ::2].numpy(), yaw[:, None]], axis=-1).astype(float)
-        shown = dcmoe_state.path_keys([path], max(total, 1))[0, min(gone, total - 1)]
+        shown = dcmoe.path_keys([path], max(total, 1))[0, min(gone, total - 1)]
         np.testing.assert_allclose(shown, wanted[i], atol=2e-4)
 
 
 def test_rows_without_a_path_are_shown_none():
     path = np.zeros((4, 3))
-    shown = dcmoe_state.path_keys([None, path], 3)
+    shown = dcmoe.path_keys([None, path], 3)
     assert not shown[0].any()
     assert np.all(shown[1, ..., 3] == 1.0)
 

@@ -10,8 +10,7 @@ from interpose import retarget, rotation
 from interpose.drawn_path.path_file import of_points
 from interpose.errors import InputError
 from interpose.motion import Motion
-from interpose.runtime.backends.dcmoe import DCMoEBackend
-from interpose.runtime.backends.dcmoe_state import initial_phases
+from interpose.runtime.backends.dcmoe import DCMoEBackend, initial_phases
 from interpose.runtime.gap_batch import Generated, draws
 from interpose.runtime.inbetween import fill, inbetween, mapping_of
 from interpose.runtime.model_folder import Session

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from interpose.errors import InputError
+from interpose.runtime.backends.backend import abilities_of
 from interpose.runtime.backends.registry import BACKENDS
-from interpose.runtime.methods import abilities_of
 from interpose.studio import methods
 from interpose.studio.methods import Offer
 

@@ -18,11 +18,11 @@ from interpose.drawn_path import path_file
 from interpose.errors import InputError
 from interpose.io.registry import writer_of
 from interpose.motion import Motion, concatenate
-from interpose.runtime import inbetween, methods
-from interpose.runtime.info import Info
+from interpose.runtime import inbetween
+from interpose.runtime.backends.backend import choose
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.model_folder import load
-from interpose.runtime.request import Request
+from interpose.runtime.request import Info, Request
 
 
 def fill(clip: str, keys: str, options: Options, retime: bool = False) -> int:
@@ -88,7 +88,7 @@ def output_paths(out: str, variants: int, inputs: Sequence[str] = ()) -> list[Pa
 
 def _request(options: Options, untimed: bool, given: parts.Parts | None = None) -> Request:
     """``untimed``: the gallery is to suggest how long a gap takes, for a method without a model, too."""
-    method, model = methods.choose(options.method, options.model)
+    method, model = choose(options.method, options.model)
     gallery = None if options.gallery is None else gallery_of(options.gallery)
     if model is None and gallery is None and untimed:
         gallery = load().gallery

@@ -69,12 +69,13 @@ def _text(report: dict[str, Any]) -> str:
 
 def models(as_json: bool) -> int:
     """Print the installed models: the methods that each serves, the data that it knows, its licence and its styles."""
-    from interpose.runtime import methods, model_folder
+    from interpose.runtime import model_folder
+    from interpose.runtime.backends import backend
 
     sessions = [model_folder.load(folder) for folder in model_folder.installed()]
     if as_json:
         for one in sessions:
-            served = {"folder": str(one.path), "methods": methods.methods_of(one)}
+            served = {"folder": str(one.path), "methods": backend.methods_of(one)}
             print(json.dumps(served | one.info, ensure_ascii=False))
         return 0
     if not sessions:
@@ -82,11 +83,11 @@ def models(as_json: bool) -> int:
     for one in sessions:
         info = one.info
         print(f"{one.name}: {info.get('rate', MODEL_RATE):g} Hz, {info.get('parameters', 0):,} weights")
-        for number, name in enumerate(methods.methods_of(one)):
-            longest = methods.abilities_of(name, one).longest_seconds
+        for number, name in enumerate(backend.methods_of(one)):
+            longest = backend.abilities_of(name, one).longest_seconds
             gaps = "gaps of any length" if longest is None else f"gaps up to {longest:.3g} s"
             heading = "" if number else "methods"
-            print(f"  {heading:<11} {name}: {methods.backend_of(name).summary}; {gaps}")
+            print(f"  {heading:<11} {name}: {backend.backend_of(name).summary}; {gaps}")
         print(f"  trained on  {', '.join(info.get('training_data') or ['unknown data'])}")
         print(f"  licence     {info['licence']}")
         print(f"  styles      {', '.join(one.styles) or 'none'}")

@@ -16,8 +16,8 @@ from interpose.demo import poses
 from interpose.errors import InputError
 from interpose.motion import Motion, concatenate
 from interpose.render import SheetRow, compose, draw_rows, save
-from interpose.runtime.info import Info
 from interpose.runtime.model import Model, load_model
+from interpose.runtime.request import Info
 
 OVERVIEW = "contact-sheet.png"
 

@@ -13,12 +13,11 @@ from interpose.errors import InputError
 from interpose.evaluate.case import Case, Windows, joined
 from interpose.retarget import from_humanoid, to_humanoid
 from interpose.runtime import guidance, model_folder
-from interpose.runtime.backends.backend import Abilities, Backend
+from interpose.runtime.backends.backend import Abilities, Backend, abilities_of, backend_of
 from interpose.runtime.backends.interp import InterpBackend
 from interpose.runtime.backends.registry import BACKENDS
 from interpose.runtime.feet import lock
 from interpose.runtime.gap_batch import GapBatch, Generated, batch_of
-from interpose.runtime.methods import abilities_of, backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path, continued
 from interpose.runtime.request import Request

@@ -29,7 +29,7 @@ from interpose.gallery.proposals import PathRequest, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import NOTHING_KNOWN, gather
 from interpose.gallery.windows import select
-from interpose.runtime.methods import backend_of
+from interpose.runtime.backends.backend import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Path as RootPath
 from interpose.runtime.request import Request

@@ -23,7 +23,7 @@ from interpose.evaluate.case import Case, Windows, check_lengths, database_windo
 from interpose.evaluate.fill import INTERP, Contender, fill
 from interpose.evaluate.style_tables import StyleKind, StyleResults
 from interpose.evaluate.tables import ResultRow, rows_of
-from interpose.runtime.methods import backend_of
+from interpose.runtime.backends.backend import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import MAX_STYLE_STRENGTH
 

@@ -85,7 +85,7 @@ def export(
 
 def export_backward(saved: Mapping[str, Any], onto: Session, out: Path, name: str | None = None) -> Path:
     """Writes a copy of a model that has the backward step too, so that it can stitch; see
-    `interpose.runtime.backends.dcmoe_both_ends`.
+    `interpose.runtime.backends.dcmoe`.
 
     Raises InputError where the two are not of one kind, and where one walks along a plan, which both ends cannot share.
     """

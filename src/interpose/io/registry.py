@@ -34,7 +34,8 @@ class Format:
 
 
 FORMATS = (
-    Format("BVH", "interpose.io.bvh", reads=(".bvh",), writes=(".bvh",)),
+    Format("BVH", "interpose.io.bvh_read", reads=(".bvh",)),
+    Format("BVH", "interpose.io.bvh_write", writes=(".bvh",)),
     Format("AMASS", "interpose.io.amass", reads=(".npz",)),
     Format("Human3.6M exponential maps", "interpose.io.h36m", reads=(".txt",)),
     Format("binary glTF", "interpose.io.gltf", writes=(".glb",)),

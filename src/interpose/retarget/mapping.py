@@ -114,17 +114,3 @@ def map_skeleton(source: Skeleton | Motion) -> Mapping:
             f"({names}{', …' if len(mapping.unmapped) > 6 else ''}); it may have more than two legs"
         )
     return mapping
-
-
-def describe(motion: Motion, mapping: Mapping) -> list[tuple[str, str]]:
-    """Rows of (name, value) for display: the clip, the mapping joint by joint, and the unmapped joints."""
-    pairs = mapping.pairs()
-    rows = [
-        ("profile", mapping.profile),
-        ("joints", f"{len(motion.skeleton)}, {22 - len(mapping.missing)} of the humanoid's 22"),
-        ("frames", f"{len(motion)} at {motion.rate:g} Hz, {motion.duration:.2f} s"),
-        ("scale", f"{mapping.scale:.4f}, floor {100 * mapping.lift:+.1f} cm"),
-    ]
-    rows += [(ours, theirs or "missing, filled from its neighbours") for ours, theirs in pairs.items()]
-    rows.append(("no counterpart", ", ".join(mapping.unmapped) or "none"))
-    return rows

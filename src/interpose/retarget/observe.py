@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from interpose import rotation
 from interpose.motion import Motion
+from interpose.rotation import unit
 from interpose.skeleton import HUMANOID
 
 _OBSERVED_FRAMES = 256
@@ -45,9 +46,9 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
     world, points = motion.global_rotations(), motion.global_positions()
     at = {name: points[:, joint] for name, joint in joints.items()}
     top = next((at[n] for n in ("Head", "Neck", "Spine2", "LeftArm") if n in at), at["Hips"] + rotation.UP)
-    up = _unit(top - at["Hips"])
-    left = _unit(at["LeftUpLeg"] - at["RightUpLeg"])
-    forward = _unit(np.cross(left, up))
+    up = unit(top - at["Hips"])
+    left = unit(at["LeftUpLeg"] - at["RightUpLeg"])
+    forward = unit(np.cross(left, up))
     out: dict[str, Float[ndarray, "4"]] = {}
 
     def own(name: str, v: Float[ndarray, "frame 3"]) -> Float[ndarray, "3"]:
@@ -55,8 +56,8 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
 
     def put(name: str, first: Float[ndarray, "3"], second: Float[ndarray, "3"], ours: Float[ndarray, "3 3"]) -> None:
         """Brings the direction `first`, and `second` as far as possible, to the first two columns of `ours`."""
-        first = _unit(first)
-        second = _unit(second - (second @ first) * first)
+        first = unit(first)
+        second = unit(second - (second @ first) * first)
         theirs = np.stack([first, second, np.cross(first, second)], axis=1)
         out[name] = rotation.from_matrix(square(ours @ theirs.T, np.radians(50.0)))
 
@@ -69,18 +70,18 @@ def joint_frames(motion: Motion, joints: dict[str, int]) -> dict[str, Float[ndar
             put(name, own(name, left), own(name, up), basis((1, 0, 0), (0, 1, 0)))
     for side, sign in (("Left", 1), ("Right", -1)):
         thigh, shin, foot, toe = (side + part for part in ("UpLeg", "Leg", "Foot", "Toe"))
-        hinge = np.cross(_unit(at[shin] - at[thigh]), _unit(at[foot] - at[shin]))
+        hinge = np.cross(unit(at[shin] - at[thigh]), unit(at[foot] - at[shin]))
         for bone, child in ((thigh, shin), (shin, foot)):
             put(bone, own(bone, at[child] - at[bone]), own(bone, hinge + _MINOR * left), basis((0, -1, 0), (1, 0, 0)))
         if toe in joints:
-            hinge = np.cross(_unit(at[toe] - at[foot]), _unit(at[foot] - at[shin]))
+            hinge = np.cross(unit(at[toe] - at[foot]), unit(at[foot] - at[shin]))
             put(foot, own(foot, at[toe] - at[foot]), own(foot, hinge + _MINOR * left), basis((0, -1, 0), (1, 0, 0)))
             out[toe] = rotation.multiply(out[foot], _mean_turn(world, joints[foot], joints[toe]))
         collar, arm, fore, hand = (side + part for part in ("Shoulder", "Arm", "ForeArm", "Hand"))
         if collar in joints and arm in joints:
             put(collar, own(collar, at[arm] - at[collar]), own(collar, forward), basis((sign, 0, 0), (0, 0, 1)))
         if arm in joints and fore in joints and hand in joints:
-            upper, lower = _unit(at[fore] - at[arm]), _unit(at[hand] - at[fore])
+            upper, lower = unit(at[fore] - at[arm]), unit(at[hand] - at[fore])
             hinge = np.cross(upper, lower)
             for bone, along in ((arm, upper), (fore, lower)):
                 ahead = np.cross(hinge, along) + _MINOR * forward
@@ -118,10 +119,6 @@ def planted(motion: Motion, joints: dict[str, int]) -> tuple[float, float] | Non
     if not (0.04 * leg < height < 0.25 * leg and np.radians(10.0) < pitch < np.radians(60.0)):
         return None
     return height, pitch
-
-
-def _unit(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
 
 
 def _mean_turn(world: Float[ndarray, "frame joint 4"], parent: int, joint: int) -> Float[ndarray, "4"]:

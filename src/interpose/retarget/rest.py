@@ -17,6 +17,7 @@ from interpose.motion import Motion
 from interpose.retarget.naming import NamedJoints
 from interpose.retarget.observe import joint_frames, planted, square
 from interpose.retarget.profiles import JointFrames
+from interpose.rotation import unit
 from interpose.skeleton import HUMANOID, Skeleton
 
 _DOWNWARD = np.array([0.0, -1.0, 0.0])
@@ -87,7 +88,7 @@ def _fits(turned: dict[str, Float[ndarray, "4"]], at: dict[str, Float[ndarray, "
         for bone, child, expected in (("UpLeg", "Leg", _DOWNWARD), ("Leg", "Foot", _DOWNWARD), ("Arm", "ForeArm", out)):
             if side + bone in at and side + child in at:
                 direction = rotation.rotate(turned[side + bone], at[side + child] - at[side + bone])
-                if float(_unit(direction) @ expected) < 0.8:
+                if float(unit(direction) @ expected) < 0.8:
                     return False
     return True
 
@@ -111,10 +112,6 @@ def _group(name: str, frames: JointFrames) -> str:
     return frames.torso
 
 
-def _unit(v: Float[ndarray, "3"]) -> Float[ndarray, "3"]:
-    return v / max(float(np.linalg.norm(v)), 1e-12)
-
-
 def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | None:
     """The body's left, up and forward in the rest pose as a rotation from the T-pose's axes; None if there is no body.
 
@@ -122,15 +119,15 @@ def _body_frame(at: dict[str, Float[ndarray, "3"]]) -> Float[ndarray, "4"] | Non
     degrees of the axes counts as exactly along them, as rest poses are built square.
     """
     top = next((at[n] for n in ("Head", "Neck", "Spine2") if n in at), None)
-    across = _unit(at["LeftUpLeg"] - at["RightUpLeg"])
-    legs = [_unit(at[s + "Foot"] - at[s + "UpLeg"]) for s in _SIDES]
+    across = unit(at["LeftUpLeg"] - at["RightUpLeg"])
+    legs = [unit(at[s + "Foot"] - at[s + "UpLeg"]) for s in _SIDES]
     down = legs[0] + legs[1]
-    up = _unit(top - at["Hips"]) if top is not None else -_unit(down)
+    up = unit(top - at["Hips"]) if top is not None else -unit(down)
     if any(float(leg @ up) > -0.5 for leg in legs):
         return None
-    if "LeftArm" in at and "RightArm" in at and float(_unit(at["LeftArm"] - at["RightArm"]) @ across) < 0.5:
+    if "LeftArm" in at and "RightArm" in at and float(unit(at["LeftArm"] - at["RightArm"]) @ across) < 0.5:
         return None
-    left = _unit(across - (across @ up) * up)
+    left = unit(across - (across @ up) * up)
     if float(left @ across) < 0.5:
         return None
     return rotation.from_matrix(square(np.stack([left, up, np.cross(left, up)], axis=1), np.radians(30.0)))

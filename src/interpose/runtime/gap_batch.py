@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -81,19 +81,14 @@ class GapBatch:
 
     def take(self, rows: Sequence[int]) -> GapBatch:
         """Some of the gaps."""
-        index = list(rows)
-        return replace(
-            self,
-            context_root=self.context_root[index],
-            context_local=self.context_local[index],
-            target_root=self.target_root[index],
-            target_local=self.target_local[index],
-            frames=tuple(self.frames[row] for row in index),
-            styles=tuple(self.styles[row] for row in index),
-            paths=tuple(self.paths[row] for row in index),
-            draws=tuple(self.draws[row] for row in index),
-            arriving=None if self.arriving is None else self.arriving[index],
-        )
+        index, some = list(rows), {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, ndarray):
+                some[field.name] = value[index]
+            elif isinstance(value, tuple):
+                some[field.name] = tuple(value[row] for row in index)
+        return replace(self, **some)
 
 
 def batch_of(

@@ -85,10 +85,7 @@ def suggest_duration(request: Request, gap: Gap) -> Suggestion:
     gallery = request.trajectories
     if gallery is None:
         raise InputError("cannot suggest a duration without a gallery; give a number of frames, or a gallery")
-    leading = style_blend.leading(request.style)
-    return proposals.suggestion(
-        gallery, gap.query, gap.ends, leading if leading in gallery.styles else None, request.seed
-    )
+    return proposals.suggestion(gallery, gap.query, gap.ends, request.matched_style, request.seed)
 
 
 def guide(
@@ -160,10 +157,10 @@ def _matched(
     a predicted one.
     """
     query, ends, note = gap.query, gap.ends, None
-    style = style_blend.leading(request.style)
-    if style is not None and style not in gallery.styles:
-        note = f"the gallery has no trajectory in style '{style}'; those of all its styles were matched"
-        style = None
+    style = request.matched_style
+    if request.style is not None and style is None:
+        missing = style_blend.leading(request.style)
+        note = f"the gallery has no trajectory in style '{missing}'; those of all its styles were matched"
     if given is not None and given < SHORTEST_WINDOW:
         return [], _too_fast(gallery, query, given)
     wanted = PathRequest(given, request.speed, style)
@@ -232,10 +229,8 @@ def _unconstrained_root(request: Request, gap: Gap, steps: int) -> Path:
 
 
 def _along_drawn(request: Request, gap: Gap, steps: int | None, drawn: DrawnPath) -> Guidance:
-    gallery, leading = request.trajectories, style_blend.leading(request.style)
-    style = leading if gallery is not None and leading in gallery.styles else None
-    wanted = PathRequest(steps, request.speed, style)
-    path = following.follow(gallery, drawn, gap.query, wanted, gap.ends, request.seed)
+    wanted = PathRequest(steps, request.speed, request.matched_style)
+    path = following.follow(request.trajectories, drawn, gap.query, wanted, gap.ends, request.seed)
     return Guidance(len(path) - 1, path, "drawn")
 
 

@@ -21,10 +21,9 @@ from interpose.motion import Motion, concatenate, sample
 from interpose.parts import Parts
 from interpose.runtime import guidance, target_parts
 from interpose.runtime.guidance import Gap, Guidance
-from interpose.runtime.info import Info, SpeedOption, SuggestedDuration
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.ranking import apart, judge
-from interpose.runtime.request import Request
+from interpose.runtime.request import Info, Request, SpeedOption, SuggestedDuration
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, user_frames
 from interpose.runtime.transition import Transition, generate
 

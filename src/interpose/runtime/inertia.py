@@ -10,6 +10,8 @@ target are known.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -20,24 +22,30 @@ FADE_SECONDS = 0.5
 """Seconds in which an offset dies away, or the whole transition where that is shorter."""
 
 
+@dataclass(frozen=True, eq=False)
+class NeighbourPose:
+    """A pose a frame before the start or after the target, and how many seconds from it."""
+
+    root: Float[ndarray, "batch 3"]
+    local: Float[ndarray, "batch joint 4"]
+    seconds: float
+
+
 def leave(
     root: Float[ndarray, "batch frame 3"],
     local: Float[ndarray, "batch frame joint 4"],
-    before_root: Float[ndarray, "batch 3"],
-    before_local: Float[ndarray, "batch joint 4"],
+    before: NeighbourPose,
     step: float,
-    before_step: float,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame joint 4"]]:
-    """Transitions, both keys included, that continue from the pose known ``before_step`` seconds before their first
-    frame.
+    """Transitions, both keys included, that continue from the pose known before their first frame.
 
     ``step``: seconds between the transitions' frames. The first and the last frame stay as they are.
     """
     t = np.arange(root.shape[1]) * step
     fade = min(FADE_SECONDS, t[-1])
     share = t * np.maximum(1.0 - t / fade, 0.0) ** 2
-    speed = (root[:, 0] - before_root) / before_step - (root[:, 1] - root[:, 0]) / step
-    turn = _turn(before_local, local[:, 0]) / before_step - _turn(local[:, 0], local[:, 1]) / step
+    speed = (root[:, 0] - before.root) / before.seconds - (root[:, 1] - root[:, 0]) / step
+    turn = _turn(before.local, local[:, 0]) / before.seconds - _turn(local[:, 0], local[:, 1]) / step
     offset = rotation.from_rotation_vector(share[:, None, None] * turn[:, None])
     return root + share[:, None] * speed[:, None], rotation.multiply(local, offset)
 
@@ -45,13 +53,11 @@ def leave(
 def arrive(
     root: Float[ndarray, "batch frame 3"],
     local: Float[ndarray, "batch frame joint 4"],
-    after_root: Float[ndarray, "batch 3"],
-    after_local: Float[ndarray, "batch joint 4"],
+    after: NeighbourPose,
     step: float,
-    after_step: float,
 ) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame joint 4"]]:
-    """:func:`leave` for the last frame: the pose ``after_step`` seconds after it is known."""
-    root, local = leave(root[:, ::-1], local[:, ::-1], after_root, after_local, step, after_step)
+    """:func:`leave` for the last frame: the pose after it is known."""
+    root, local = leave(root[:, ::-1], local[:, ::-1], after, step)
     return root[:, ::-1], local[:, ::-1]
 
 

@@ -18,11 +18,9 @@ from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime import inbetween
 from interpose.runtime.inbetween import Candidate
-from interpose.runtime.info import SuggestedDuration
 from interpose.runtime.model_folder import Session, load
-from interpose.runtime.request import PATHS, Request
-from interpose.runtime.streaming.stream import Stream
-from interpose.runtime.streaming.streams import Streams
+from interpose.runtime.request import PATHS, Request, SuggestedDuration
+from interpose.runtime.streaming.streams import Stream, Streams
 
 
 @dataclass(frozen=True, eq=False)

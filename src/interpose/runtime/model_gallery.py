@@ -17,8 +17,8 @@ from interpose.gallery import store
 from interpose.gallery.tracks import Tracks, from_motions
 from interpose.io.files import write_whole
 from interpose.motion import Motion, concatenate, sample
+from interpose.runtime.backends.backend import backend_of
 from interpose.runtime.gap_batch import batch_of
-from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.skeleton import HUMANOID

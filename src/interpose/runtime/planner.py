@@ -17,12 +17,14 @@ PLAN_TEMPERATURE = 0.6
 """How far the variants' latents lie from the likeliest one, as a share of the prior's own deviation."""
 
 
-def noise(draws: Sequence[Draw], shape: tuple[int, ...]) -> Float[ndarray, "batch *unit"]:
-    """Standard noise for latents of a shape, at :data:`PLAN_TEMPERATURE`; zero for the likeliest motion."""
+def noise(
+    draws: Sequence[Draw], shape: tuple[int, ...], temperature: float = PLAN_TEMPERATURE
+) -> Float[ndarray, "batch *unit"]:
+    """Standard noise for latents of a shape, times the temperature; zero for the likeliest motion."""
     out = np.zeros((len(draws), *shape))
     for row, draw in enumerate(draws):
         if draw is not None:
-            out[row] = PLAN_TEMPERATURE * np.random.default_rng(draw).standard_normal(shape)
+            out[row] = temperature * np.random.default_rng(draw).standard_normal(shape)
     return out
 
 

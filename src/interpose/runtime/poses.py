@@ -11,12 +11,12 @@ from numpy import ndarray
 from interpose import rotation
 from interpose import skeleton as kinematics
 from interpose.features import POSE
+from interpose.rotation import FORWARD, UP
 from interpose.skeleton import HUMANOID
 
 PARENTS = HUMANOID.parents
 Path = Float[ndarray, "_ 3"]
 """The root's path on the ground at 30 Hz: x, z in metres and yaw in radians, unwrapped, both keys included."""
-_UP, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ def pose_of(root: Float[ndarray, "*batch 3"], local: Float[ndarray, "*batch 22 4
     """Poses of :data:`~interpose.skeleton.HUMANOID` from hips positions and local rotations."""
     world = kinematics.global_rotations(local, PARENTS)
     positions = kinematics.global_positions(root, world, PARENTS, HUMANOID.offsets)
-    facing = rotation.rotate(rotation.twist(world[..., 0, :], _UP), _FORWARD)[..., ::2]
+    facing = rotation.rotate(rotation.twist(world[..., 0, :], UP), FORWARD)[..., ::2]
     return Pose(root, rotation.to_6d(world), positions, facing)
 
 

@@ -20,7 +20,8 @@ from interpose.errors import InputError
 from interpose.features import RATE
 from interpose.motion import Motion, from_global
 from interpose.parts import Parts
-from interpose.runtime import poses
+from interpose.rotation import FORWARD, UP
+from interpose.runtime import planner, poses
 from interpose.runtime.gap_batch import draws
 from interpose.runtime.ik.two_bone import two_bone_ik
 from interpose.runtime.ik.whole_body import Ease, JointTargets, solve
@@ -35,7 +36,6 @@ SHORT = 1e-3
 """Metres: a larger miss is reported."""
 PACE = 1.2
 """Metres a second of a character whose duration is not yet known."""
-_UP = np.array([0.0, 1.0, 0.0])
 _SUPPLE = {"Hips": 0.1, "Spine": 0.15, "Spine1": 0.15, "Spine2": 0.15, "Neck": 0.3, "Shoulder": 0.2}
 """How easily joints turn beside the others, whose ease is 1."""
 EASE = Ease(
@@ -50,8 +50,6 @@ _FEET = [tuple(HUMANOID.index(side + bone) for bone in ("Foot", "Toe", "Leg", "U
 _FOOT = float(np.linalg.norm(HUMANOID.offsets[HUMANOID.index("LeftToe")]))
 _SLACK = 0.02
 """Metres that an ankle may be under its resting height, as on toes that are bent when kneeling."""
-
-
 _THICK = 0.03
 """Metres from the floor to the middle of a knee or a hand that lies on it."""
 _SUNK = 0.005
@@ -146,10 +144,7 @@ def _predicted(
         at = aim.positions[0, list(parts.joints) or [0]].mean(axis=0)
         away = float(np.linalg.norm((at - known.hips[-1])[[0, 2]]))
         steps = int(np.clip(away / PACE * RATE, 15.0, 90.0))
-    noise = np.zeros((count, model.target_latent))
-    for row, draw in enumerate(draws(request.seed, count)):
-        if draw is not None:
-            noise[row] = TARGET_TEMPERATURE * np.random.default_rng(draw).standard_normal(model.target_latent)
+    noise = planner.noise(draws(request.seed, count), (model.target_latent,), TARGET_TEMPERATURE)
     one = {
         "start_hips": known.hips[-1:],
         "start_rotations": known.rotations[-1:],
@@ -173,8 +168,7 @@ def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]
     """The start pose where the given part is, and what stands in it: turned with the hips, where those are given."""
     pose, stands = start, (start.global_positions()[0, CONTACT_INDICES, 1] < REST_HEIGHTS + _SLACK).astype(float)
     if 0 in parts.joints or parts.ground:
-        turn = _yawed(_apart(pose, goal))
-        pose = _turned(pose, turn)
+        pose = _facing_as(pose, goal)
         move = goal.root_positions[0] - pose.root_positions[0]
     else:
         joints = list(parts.joints)
@@ -182,19 +176,11 @@ def _carried(start: Motion, goal: Motion, parts: Parts) -> tuple[Motion, Stands]
     return replace(pose, root_positions=pose.root_positions + move * [1.0, 0.0, 1.0]), stands
 
 
-def _apart(pose: Motion, goal: Motion) -> float:
-    """The yaw from ``pose`` to ``goal``, both on the 22 joints."""
-    return float(pose_yaw(goal.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0]))
-
-
-def _yawed(angle: float) -> Float[ndarray, "4"]:
-    return rotation.from_rotation_vector(angle * _UP)
-
-
-def _turned(pose: Motion, turn: Float[ndarray, "4"]) -> Motion:
-    """A pose turned about its hips."""
+def _facing_as(pose: Motion, goal: Motion) -> Motion:
+    """A pose turned about its hips to face as ``goal`` does, both on the 22 joints."""
+    turn = float(pose_yaw(goal.local_rotations[0, 0]) - pose_yaw(pose.local_rotations[0, 0]))
     local = pose.local_rotations.copy()
-    local[:, 0] = rotation.multiply(turn, local[:, 0])
+    local[:, 0] = rotation.multiply(rotation.from_rotation_vector(turn * UP), local[:, 0])
     return replace(pose, local_rotations=local)
 
 
@@ -210,7 +196,7 @@ def _ending(
 ) -> Ending:
     """The pose with the given parts where they are given: on the 22 joints, then on the rig."""
     if parts.ground and 0 not in parts.joints:
-        pose = _turned(pose, _yawed(_apart(pose, goal22)))
+        pose = _facing_as(pose, goal22)
     wanted = _wanted(pose, goal22, parts, {joint: joint for joint in range(len(HUMANOID))})
     feet = _standing(pose, stands, parts)
     reached, _ = _solved(_bent(pose, wanted, feet), wanted, feet, EASE)
@@ -263,7 +249,7 @@ def _bent(pose: Motion, wanted: JointTargets, feet: dict[int, Float[ndarray, "3"
     goals = feet | wanted.positions
     world = pose.global_rotations()[0]
     at = pose.global_positions()[0]
-    facing = rotation.rotate(rotation.twist(world[0], _UP), np.array([0.0, 0.0, 1.0]))
+    facing = rotation.rotate(rotation.twist(world[0], UP), FORWARD)
     for upper, lower, end in _LIMBS:
         if end not in goals or upper in wanted.rotations or lower in wanted.rotations:
             continue
@@ -291,12 +277,12 @@ def _standing(pose: Motion, stands: Stands, parts: Parts) -> dict[int, Float[nda
             along = (at[toe] - at[ankle]) * [1.0, 0.0, 1.0]
             fall = REST_HEIGHTS[1] - REST_HEIGHTS[0]
             along *= np.sqrt(_FOOT**2 - fall**2) / max(float(np.linalg.norm(along)), 1e-6)
-            out[ankle] = at[ankle] * [1.0, 0.0, 1.0] + REST_HEIGHTS[0] * _UP
-            out[toe] = out[ankle] + along + fall * _UP
+            out[ankle] = at[ankle] * [1.0, 0.0, 1.0] + REST_HEIGHTS[0] * UP
+            out[toe] = out[ankle] + along + fall * UP
         elif down.any() or (heights < lowest).any():
             rise = (REST_HEIGHTS[:2] - heights)[down] if down.any() else lowest - heights
             rise = max(float(rise.max()), float((lowest - heights).max()))
-            out[ankle], out[toe] = at[ankle] + rise * _UP, at[toe] + rise * _UP
+            out[ankle], out[toe] = at[ankle] + rise * UP, at[toe] + rise * UP
     return out
 
 

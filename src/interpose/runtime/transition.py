@@ -21,6 +21,7 @@ from interpose.runtime import inertia
 from interpose.runtime.feet import lock
 from interpose.runtime.gap_batch import Batch, Generated, batch_of, draws
 from interpose.runtime.guidance import Guidance
+from interpose.runtime.inertia import NeighbourPose
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.poses import Path
 from interpose.runtime.request import Request
@@ -42,15 +43,6 @@ class Transition:
 
     motion: Motion
     deviation: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class NeighbourPose:
-    """A pose a model's frame before the start or after the target, and how many seconds from it."""
-
-    root: Float[ndarray, "batch 3"]
-    local: Float[ndarray, "batch 22 4"]
-    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,12 +157,10 @@ def _finished(
     contacts = np.pad(made.contacts, ((0, 0), (1, 1), (0, 0)), mode="edge")
     step = (frames + 1) / rate / (root.shape[1] - 1)
     if keys.before is not None:
-        known = keys.before
-        contacts[:, :LANDING_FRAMES] *= ~_moving(known, keys.context)[:, None]
-        root, local = inertia.leave(root, local, known.root, known.local, step, known.seconds)
+        contacts[:, :LANDING_FRAMES] *= ~_moving(keys.before, keys.context)[:, None]
+        root, local = inertia.leave(root, local, keys.before, step)
     if keys.after is not None:
-        known = keys.after
-        root, local = inertia.arrive(root, local, known.root, known.local, step, known.seconds)
+        root, local = inertia.arrive(root, local, keys.after, step)
     local = lock.plant_batch(root, local, contacts)
     past = keys.context[0].shape[1] - 1
     root = np.concatenate([keys.context[0][:, :-1], root], axis=1)

@@ -15,9 +15,8 @@ from interpose.errors import InputError
 from interpose.motion import Motion
 from interpose.retarget.mirrored import mirrored
 from interpose.runtime import inbetween
-from interpose.runtime.info import Info
 from interpose.runtime.interpolate import aligned
-from interpose.runtime.request import Request
+from interpose.runtime.request import Info, Request
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
 from interpose.runtime.style_blend import leading
 from interpose.studio import gallery_paths, pose_library, pose_rows

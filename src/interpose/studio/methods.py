@@ -9,9 +9,9 @@ from interpose.demo import poses
 from interpose.errors import InputError
 from interpose.gallery.store import Gallery
 from interpose.runtime import model_folder
+from interpose.runtime.backends.backend import backend_of
 from interpose.runtime.backends.registry import BACKENDS
 from interpose.runtime.inbetween import inbetween, mapping_of, suggest
-from interpose.runtime.methods import backend_of
 from interpose.runtime.model_folder import Session
 from interpose.runtime.request import Request
 from interpose.studio.protocol import MethodInfo

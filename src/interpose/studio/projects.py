@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from interpose import parts
 from interpose.errors import InputError
-from interpose.runtime.methods import backend_of
+from interpose.runtime.backends.backend import backend_of
 from interpose.studio import pose_rows
 from interpose.studio.project_format import GapSettings, PointPath, Project, ProjectKey
 from interpose.studio.rigs import Clip, RigStore

@@ -1,5 +1,7 @@
-"""Whole roll-outs of an exported network: against torch, from one frame to many, row by row."""
+"""Whole roll-outs of an exported network: against torch, from one frame to many, row by row; and from both ends."""
 
+import json
+import shutil
 from itertools import pairwise
 
 import learning
@@ -9,10 +11,11 @@ import pytest
 from interpose import rotation
 from interpose.errors import InputError
 from interpose.features import HISTORY, KEY_STEP
+from interpose.features.stitch import seam
 from interpose.runtime import poses
-from interpose.runtime.backends import dcmoe, dcmoe_state
+from interpose.runtime.backends import dcmoe
 from interpose.runtime.gap_batch import batch_of, draws
-from interpose.runtime.model_folder import Session
+from interpose.runtime.model_folder import Session, load
 from interpose.skeleton import HUMANOID, local_rotations
 from interpose.train.common.gaps import evenly
 from interpose.train.dcmoe import validation
@@ -86,14 +89,14 @@ def test_the_base_is_straight_and_of_constant_speed(keys):
 def test_before_a_lone_start_the_figure_stands_and_only_the_present_phase_is_known(keys):
     start, _, context = keys
     phases = np.random.default_rng(0).normal(size=(BATCH, 13, 10, 2))
-    state = dcmoe_state.initial_state(poses.pose_of(*start), phases)
+    state = dcmoe.initial_state(poses.pose_of(*start), phases)
     assert not state["velocities"].any()
     assert not state["velocity_known"].any()
     np.testing.assert_array_equal(state["track"], np.repeat(state["track"][:, -1:], HISTORY + 1, axis=1))
     assert not state["phase_past"][:, :-1].any()
     np.testing.assert_array_equal(state["phase_past"][:, -1], phases[:, 6])
     np.testing.assert_array_equal(state["phase_future"], phases[:, 7:])
-    longer = dcmoe_state.initial_state(poses.pose_of(*context), phases)["phase_past"]
+    longer = dcmoe.initial_state(poses.pose_of(*context), phases)["phase_past"]
     assert not longer[:, : HISTORY - 10].any()
     np.testing.assert_allclose(longer[:, -1 - KEY_STEP], phases[:, 5])
     assert np.abs(longer[:, -10:]).min() > 0.0
@@ -125,7 +128,7 @@ def test_the_last_frame_leads_into_the_target_exactly(session, keys, fed, count)
     made = generate(session, start, target, count)
     feed, said = fed[-1]
     base = poses.interpolation(*ends(start, target), count).astype(np.float32)
-    last = feed | dcmoe_state.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
+    last = feed | dcmoe.after(said) | {"frames_left": np.ones((BATCH, 1), dtype=np.float32)}
     last |= {"base": base[:, count], "base_next": base[:, count + 1]}
     arrived = session.step(last)
     goal = poses.pose_of(*ends(start, target)[1])
@@ -219,3 +222,114 @@ def test_a_network_of_the_papers_form_is_fed_the_root_that_it_foresees(session, 
     np.testing.assert_allclose(fed[0][0]["path"], np.repeat(resting[:, None], 6, axis=1), atol=1e-6)
     for (_, said), (feed, _) in pairwise(fed):
         np.testing.assert_array_equal(feed["path"], said["next_path"])
+
+
+# From both ends. The backward network is the forward one again: what is tested holds for any.
+
+
+@pytest.fixture(scope="module")
+def dual(model_folder, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dual") / "model"
+    shutil.copytree(model_folder, folder)
+    shutil.copy(folder / "step.onnx", folder / "back.onnx")
+    info = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(json.dumps(info | {"backward": {"steps": 1}}))
+    return load(folder)
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    """Starts and targets, (root, local) each with a frame axis."""
+    clips = [learning.march(80, 0.8 + 0.3 * i, 2.0 * i) for i in range(3)]
+    return tuple(
+        tuple(np.stack([getattr(c, x)[at : at + 1] for c in clips]) for x in ("root_positions", "local_rotations"))
+        for at in (11, 60)
+    )
+
+
+def rows_of(pairs, rows):
+    return [tuple(x[rows] for x in key) for key in pairs]
+
+
+def stitched(dual, pairs, frames, **more):
+    return dcmoe.BACKEND.generate(dual, batch_of(*pairs, frames, **more))
+
+
+def test_it_is_what_a_model_with_a_backward_network_does(dual, pairs, model_folder):
+    batch = batch_of(*pairs, 12)
+    made = dcmoe.BACKEND.generate(dual, batch).root
+    np.testing.assert_array_equal(made, dcmoe.BACKEND.generate(dual, batch).root)
+    assert np.abs(made - dcmoe.BACKEND.generate(load(model_folder), batch).root).max() > 1e-3
+
+
+def test_the_end_is_the_forward_one_turned_round(dual, pairs):
+    """Both networks are one here, so the gap backwards is the gap read backwards, but for who begins."""
+    there, back = stitched(dual, pairs, 13).root, stitched(dual, pairs[::-1], 13).root
+    first = seam(14, dcmoe.CHAIN_BUFFER).backward - 2
+    np.testing.assert_allclose(there[:, :1], back[:, ::-1][:, :1], atol=0.02)
+    np.testing.assert_allclose(there[:, -1:], back[:, ::-1][:, -1:], atol=0.02)
+    assert first > 1
+
+
+def test_frames_beside_the_keys_are_near_them(dual, pairs):
+    made = stitched(dual, pairs, 20)
+    assert np.linalg.norm(made.root[:, 0] - pairs[0][0][:, 0], axis=-1).max() < 0.15
+    assert np.linalg.norm(made.root[:, -1] - pairs[1][0][:, 0], axis=-1).max() < 0.15
+    assert np.all((made.contacts >= 0.0) & (made.contacts <= 1.0))
+
+
+def arc(pairs, steps, height):
+    """A path from the first start to the first target that swings out by so much."""
+    line = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    a, b = (key[0][0, 0, [0, 2]] for key in pairs)
+    return np.concatenate([a + line * (b - a) + np.sin(np.pi * line) * height, 0.0 * line], axis=1)
+
+
+def test_lengths_styles_and_paths(dual, pairs):
+    made = stitched(dual, pairs, [9, 3, 0], styles=[learning.STYLES[0], None, None])
+    alone = stitched(dual, rows_of(pairs, slice(1, 2)), 3)
+    np.testing.assert_allclose(made.root[1, :3], alone.root[0], atol=2e-3)
+    np.testing.assert_array_equal(made.root[1, 3:], np.repeat(pairs[1][0][1], 6, axis=0))
+    assert made.local.shape == (3, 9, 22, 4)
+    first = rows_of(pairs, slice(1))
+    free = stitched(dual, first, 9).root
+    assert np.abs(free[0] - made.root[0]).max() > 1e-4
+    assert np.abs(stitched(dual, first, 9, paths=[arc(pairs, 10, 0.5)]).root - free).max() > 1e-3
+
+
+@pytest.fixture
+def fed_both(monkeypatch):
+    """What went into each network, by name."""
+    log = {"step": [], "back": []}
+    run = Session.run
+
+    def listened(self, name, feed):
+        log[name].append(feed)
+        return run(self, name, feed)
+
+    monkeypatch.setattr(Session, "run", listened)
+    return log
+
+
+def test_the_chains_meet(dual, pairs, monkeypatch):
+    seen = []
+    joined = dcmoe.joined
+    monkeypatch.setattr(dcmoe, "joined", lambda made, *rest: seen.append(made) or joined(made, *rest))
+    stitched(dual, pairs, 13)
+    (front, back) = seen[0]
+    middle = 7  # of fourteen steps: the backward chain steps exactly onto the forward one's newest frame
+    for name in ("hips", "rotations", "positions"):
+        np.testing.assert_allclose(front[middle - 1][name], back[middle - 1][name], atol=1e-4)
+
+
+def test_the_backward_network_sees_everything_from_its_end(dual, pairs, fed_both):
+    path = arc(pairs, 20, 0.0)
+    speeds = np.zeros((1, 22, 3))
+    speeds[..., 2] = 1.5
+    stitched(dual, rows_of(pairs, slice(1)), 19, paths=[path], arriving=speeds)
+    first = fed_both["back"][0]
+    np.testing.assert_allclose(first["hips"], pairs[1][0][:1, 0], atol=1e-5)
+    np.testing.assert_allclose(first["velocities"], -speeds, atol=1e-6)
+    assert first["velocity_known"][0, 0] == 1.0
+    np.testing.assert_allclose(first["path"][0, 0, :2], path[15, :2], atol=1e-5)
+    np.testing.assert_allclose(fed_both["step"][0]["path"][0, 0, :2], path[5, :2], atol=1e-5)

@@ -14,7 +14,8 @@ import interpose
 from interpose.cli import main
 from interpose.evaluate import fill
 from interpose.evaluate.case import Case, Windows
-from interpose.runtime import methods, model_folder
+from interpose.runtime import model_folder
+from interpose.runtime.backends import backend
 from interpose.runtime.backends.backend import Backend
 from interpose.runtime.backends.registry import BACKENDS
 from interpose.skeleton import HUMANOID
@@ -72,10 +73,10 @@ def run(capsys):
 
 
 def test_it_is_a_backend(toy):
-    assert isinstance(methods.backend_of("toy"), Backend)
-    assert methods.needs_model("toy")
-    assert methods.choose("toy", None)[1].name == "rising"
-    assert methods.choose(None, toy)[0] == "toy"
+    assert isinstance(backend.backend_of("toy"), Backend)
+    assert backend.needs_model("toy")
+    assert backend.choose("toy", None)[1].name == "rising"
+    assert backend.choose(None, toy)[0] == "toy"
 
 
 def test_models_lists_it(toy, run):
@@ -103,7 +104,7 @@ def test_it_generates_on_a_users_clip(toy, run, tmp_path):
 def test_an_evaluation_takes_it(toy):
     (named,), (labelled,) = fill.parse(["toy"]), fill.parse([f"mine={toy}"])
     assert (named.name, labelled.name) == ("toy", "mine")
-    assert named.backend is labelled.backend is methods.backend_of("toy")
+    assert named.backend is labelled.backend is backend.backend_of("toy")
     still = Windows(HUMANOID, 30.0, np.zeros((1, 5, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (1, 5, 22, 1)))
     made = fill.fill(Case("toy", 3, still, start=0, target=4), named).motion
     np.testing.assert_allclose(made.root[0, :, 1], 0.5 * np.sin(np.pi * np.array([0.25, 0.5, 0.75])), atol=1e-9)

@@ -10,7 +10,7 @@ import torch
 from interpose.features import HISTORY, KEY_STEP, RATE, SIDE_KEYS
 from interpose.models.geometry import facing, root_frame, to_matrix
 from interpose.runtime import poses as batched
-from interpose.runtime.backends import dcmoe_state
+from interpose.runtime.backends import dcmoe
 from interpose.train.common.gaps import GapSampling
 from interpose.train.dcmoe.sequences import RollOutSampling, Rows, at_lone_start, base_window, draw, fresh_state
 from interpose.train.planner.objective import perfect_plans
@@ -123,7 +123,7 @@ def test_training_starts_where_the_run_time_starts(database, frames, known, with
     hips = torch.stack([frames.hips[now - known + 1 + i] for i in range(known)], dim=1).double().numpy()
     keys = KEY_STEP * torch.arange(-SIDE_KEYS, SIDE_KEYS + 1)
     phases = steady.phases[now[:, None] + keys][..., :2].double().numpy() * with_phases
-    got = dcmoe_state.initial_state(batched.pose_of(hips, local), phases)
+    got = dcmoe.initial_state(batched.pose_of(hips, local), phases)
 
     assert set(got) == set(wanted._fields)
     for name, value in wanted._asdict().items():

@@ -14,13 +14,15 @@ from numpy import ndarray
 
 from interpose import rotation
 from interpose.data.contacts import CONTACT_INDICES
-from interpose.features.stitch import STANDING, memory_shapes, schedule, seam
+from interpose.features.stitch import STANDING, memory_shapes, schedule, seam, shares, smoothed
 from interpose.runtime import planner
 from interpose.runtime.backends.backend import Abilities, trained
-from interpose.runtime.backends.chains import ChainFrame, joined
 from interpose.runtime.gap_batch import GapBatch, Generated, by_length
 from interpose.runtime.model_folder import Session
 from interpose.runtime.poses import Pose, continued, local_of, pose_of
+
+ChainFrame = dict[str, ndarray]
+"""One frame of a chain, the network's outputs by name."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,26 @@ def _stitch(session: Session, batch: GapBatch, refined: bool) -> Generated:
             hips, turned, contacts = _refined(session, poses, hips, turned, contacts)
         local = local_of(turned)
     return Generated(hips, continued(batch.context_local[:, -1], local), contacts, _apart(chains, steps))
+
+
+def joined(
+    chains: tuple[list[ChainFrame], list[ChainFrame]], steps: int, buffer: int, both: bool = True
+) -> tuple[Float[ndarray, "batch frame 3"], Float[ndarray, "batch frame 22 turn"], Float[ndarray, "batch frame 4"]]:
+    """Hips, rotations and contacts of the frames between the keys: both chains, each in the order in which it made its
+    frames, blended where they overlap and smoothed there. Rotations are not yet proper again."""
+    out = []
+    for name in ("hips", "rotations", "contacts"):
+        first = chains[0][0][name]
+        whole = np.zeros((2, len(first), steps + 1, *first.shape[1:]))
+        for number, chain in enumerate(chains):
+            for i, frame in enumerate(chain, start=1):
+                whole[number, :, steps - i if number else i] = frame[name]
+        of_back = shares(steps, buffer, both).reshape(-1, *[1] * (first.ndim - 1))
+        mixed = (1.0 - of_back) * whole[0] + of_back * whole[1]
+        mixed[:, 0], mixed[:, -1] = mixed[:, 1], mixed[:, -2]
+        out.append((smoothed(mixed, steps) if both else mixed)[:, 1:-1])
+    hips, turned, contacts = out
+    return hips, turned, contacts
 
 
 def _refined(

@@ -45,7 +45,7 @@ class FootSettings:
     toe_heights: tuple[float, float] = (0.0, 0.02)  # lowest allowed, and highest of a toe on the floor
     ankle_heights: tuple[float, float] = (0.06, 0.09)  # the same for the ankle
     above: float = 0.1  # metres over those heights below which a standing joint is put on the floor
-    # How it moves in between (`swing`, `lock`).
+    # How it moves in between (`lock`).
     decay: float = 8.0  # frames over which a correction fades
     clear: float = 0.03  # least height of a swinging toe
     arch: float = 0.04  # additional height of a dragged toe for each metre of its step

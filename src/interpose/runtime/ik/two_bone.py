@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from interpose import rotation
+from interpose.rotation import unit
 
 SOFT_SHARE = 0.02
 """Share of the limb's length, at its end, over which stretching is damped."""
@@ -53,15 +54,15 @@ def two_bone_ik(
     x = (thigh**2 + reach**2 - shin**2) / (2.0 * reach)
     y = np.sqrt(np.maximum(thigh**2 - x**2, 0.0))
 
-    along = _unit(old)
+    along = unit(old)
     out = (knee - hip) - _dot(knee - hip, along) * along
-    ahead = _unit(forward - _dot(forward, along) * along)
+    ahead = unit(forward - _dot(forward, along) * along)
     unsure = np.maximum(y - _length(out), _STRAIGHT) * np.clip(1.0 - _length(out) / _SURE_BEND, 0.0, 1.0)
     pole = out + unsure * ahead
 
     new = np.where(wanted > 1e-9, target - hip, old)
     turn = rotation.between(old, new)
-    new_along, new_pole = _unit(new), _unit(rotation.rotate(turn, pole))
+    new_along, new_pole = unit(new), unit(rotation.rotate(turn, pole))
     new_knee = hip + x * new_along + y * new_pole
     new_ankle = hip + reach * new_along
 
@@ -74,8 +75,8 @@ def two_bone_ik(
 
 def _frame(bone: Float[ndarray, "*batch 3"], hinge: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3 3"]:
     """Columns: along the bone, across it in the bending plane, along the hinge."""
-    a = _unit(bone)
-    c = _unit(hinge - _dot(hinge, a) * a)
+    a = unit(bone)
+    c = unit(hinge - _dot(hinge, a) * a)
     return np.stack([a, np.cross(c, a), c], axis=-1)
 
 
@@ -85,7 +86,3 @@ def _dot(a: Float[ndarray, "*batch 3"], b: Float[ndarray, "*batch 3"]) -> Float[
 
 def _length(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 1"]:
     return np.linalg.norm(v, axis=-1, keepdims=True)
-
-
-def _unit(v: Float[ndarray, "*batch 3"]) -> Float[ndarray, "*batch 3"]:
-    return v / np.maximum(_length(v), 1e-12)

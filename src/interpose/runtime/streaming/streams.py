@@ -3,6 +3,9 @@
 Each call runs one step of the roll-out for all characters. While a character's target, time and style stay the same,
 its calls give the frames of the whole roll-out. When one of them changes, a new base begins at the present pose, and
 the change in velocity fades (`fading`), as it does at a key where the velocity before it is known.
+
+Feet are as the model predicts them, or held where they stand (`feet.stream_lock`): the foot lock of whole transitions
+needs the frames to come.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from interpose.features import POSE
 from interpose.features.plan import LONGEST_PLAN_STEPS
 from interpose.motion import Motion, concatenate
 from interpose.runtime import planner, poses
-from interpose.runtime.backends import dcmoe_state
+from interpose.runtime.backends import dcmoe
 from interpose.runtime.feet.stream_lock import FootLock
 from interpose.runtime.gap_batch import draws
 from interpose.runtime.interpolate import aligned, check_gap
@@ -68,7 +71,8 @@ class Streams:
         for start in starts[1:]:
             check_gap(starts[0], start, 1)
         self._mapping = retarget.map_skeleton(starts[0]) if mapping is None else mapping
-        self._simple = _has_no_details(starts[0], self._mapping)
+        # Whether the 22 joints hold all of the rig's pose.
+        self._simple = not self._mapping.unmapped and starts[0].translations is None and self._mapping.hips == 0
         self.poses = self._begin(starts, [0] * self._count if seeds is None else seeds)
         self._goals = self.poses
         self._given: list[Motion | None] = [None] * self._count
@@ -115,7 +119,7 @@ class Streams:
             feed = {name: np.concatenate([value, former[name]]) for name, value in feed.items()}
         out = self._session.step(feed)
         after = {name: value[: self._count] for name, value in out.items()}
-        self._state, self._path, self._left = dcmoe_state.after(after), after["next_path"], left - 1
+        self._state, self._path, self._left = dcmoe.after(after), after["next_path"], left - 1
         self.contacts = after["contacts"].astype(float)
         pose = _pose(out, slice(self._count))
         self._keep_speed(pose, kept, _pose(out, slice(self._count, None)) if former else None, fresh & self._moving)
@@ -147,15 +151,15 @@ class Streams:
         for start, draw in zip(starts, drawn, strict=True):
             known = retarget.to_humanoid(recent(start, CONTEXT), self._mapping)
             context = pose_of(known.root_positions[None], known.local_rotations[None])
-            states.append(dcmoe_state.initial_state(context, dcmoe_state.initial_phases(self._session, [draw])))
-            paths.append(dcmoe_state.resting_path(context))
+            states.append(dcmoe.initial_state(context, dcmoe.initial_phases(self._session, [draw])))
+            paths.append(dcmoe.resting_path(context))
             before.append(known[max(len(known) - 2, 0)])
             now.append(known[-1])
         self._state = {name: np.concatenate([s[name] for s in states]).astype(np.float32) for name in states[0]}
         self._path = np.concatenate(paths)
         self._moving = self._state["velocity_known"][:, 0] > 0.5
         self._before, self._now = (_stacked(poses) for poses in (before, now))
-        self._fixed = dcmoe_state.steering(self._session, pose_of(*self._now), list(self._styles))
+        self._fixed = dcmoe.steering(self._session, pose_of(*self._now), list(self._styles))
         self._base = np.zeros((self._count, POSE), dtype=np.float32)
         self._bases = _Bases.standing(self._now)
         lasts = [start[-1] for start in starts]
@@ -199,7 +203,7 @@ class Streams:
         on22 = retarget.to_humanoid(wanted, self._mapping)
         ends = on22.root_positions, on22.local_rotations
         target = pose_of(*ends)
-        steer = dcmoe_state.steering(self._session, target, [self._styles[row] for row in rows])
+        steer = dcmoe.steering(self._session, target, [self._styles[row] for row in rows])
         for name, value in steer.items():
             self._fixed[name][rows] = value
         start = self._now[0][rows], self._now[1][rows]
@@ -250,19 +254,56 @@ class Streams:
         signs = np.sign(np.sum(local * self.poses.local_rotations, axis=-1, keepdims=True))
         local = local * np.where(signs < 0.0, -1.0, 1.0)
         self.poses = replace(
-            self.poses,
-            root_positions=made.root_positions,
-            local_rotations=local,
-            translations=made.translations,
+            self.poses, root_positions=made.root_positions, local_rotations=local, translations=made.translations
         )
         if arrived.any():
-            self._now[0][arrived], self._now[1][arrived] = (
-                self._bases.goal_hips[arrived],
-                self._bases.goal_local[arrived],
-            )
             rows = np.flatnonzero(arrived)
-            self.poses = _with_rows(self.poses, rows, _rows(self._goals, rows))
+            self._now[0][rows], self._now[1][rows] = self._bases.goal_hips[rows], self._bases.goal_local[rows]
+            self.poses = _with_rows(self.poses, rows, self._goals[rows])
         return self.poses
+
+
+class Stream:
+    """One character, one pose every thirtieth of a second. Made by :meth:`interpose.Model.stream`."""
+
+    def __init__(
+        self,
+        session: Session,
+        start: Motion,
+        style: str | None = None,
+        seed: int = 0,
+        mapping: retarget.Mapping | None = None,
+        plant: bool = False,
+    ) -> None:
+        """As for :class:`Streams`, of one character."""
+        self._one = Streams(session, [start], style, [seed], mapping, plant)
+
+    @property
+    def pose(self) -> Motion:
+        """The present pose on the user's rig, a motion of one frame."""
+        return self._one.poses
+
+    @property
+    def contacts(self) -> Float[ndarray, "4"]:
+        """Probabilities that LeftFoot, LeftToe, RightFoot, RightToe stand in it; zero before the first step."""
+        return self._one.contacts[0]
+
+    @property
+    def style(self) -> str | None:
+        """The style, None where it is free; set it for the next call. Raises InputError for an unknown one."""
+        return self._one.styles[0]
+
+    @style.setter
+    def style(self, style: str | None) -> None:
+        self._one.styles = style
+
+    def step(self, target: Motion, seconds_left: float) -> Motion:
+        """The pose a thirtieth of a second later, to be at ``target`` in ``seconds_left`` from now.
+
+        ``target``: its first frame, on the start's skeleton. With a thirtieth of a second left or less the pose is the
+        target. Raises InputError for another skeleton and a time that is negative or not finite.
+        """
+        return self._one.step(target, seconds_left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +324,7 @@ class _Bases:
 
     @staticmethod
     def standing(pose: Pose) -> _Bases:
-        """Ways that lead nowhere."""
+        """Bases that stay where they are."""
         hips, local = pose
         turn = np.zeros((*local.shape[:-1], 3))
         added = np.zeros((len(hips), LONGEST_PLAN_STEPS + 1, POSE))
@@ -327,16 +368,6 @@ def _stacked(poses: Sequence[Motion]) -> Pose:
     return np.concatenate([p.root_positions for p in poses]), np.concatenate([p.local_rotations for p in poses])
 
 
-def _rows(motion: Motion, rows: Int[ndarray, "some"]) -> Motion:
-    moved = None if motion.translations is None else motion.translations[rows]
-    return replace(
-        motion,
-        root_positions=motion.root_positions[rows],
-        local_rotations=motion.local_rotations[rows],
-        translations=moved,
-    )
-
-
 def _with_rows(motion: Motion, rows: Int[ndarray, "some"], other: Motion) -> Motion:
     """``motion`` with ``other`` for those frames."""
     root, local = motion.root_positions.copy(), motion.local_rotations.copy()
@@ -360,11 +391,6 @@ def _towards(poses: Motion, goals: Motion, part: Float[ndarray, "row"]) -> Motio
         local_rotations=rotation.slerp(poses.local_rotations, goals.local_rotations, share),
         translations=moved,
     )
-
-
-def _has_no_details(start: Motion, mapping: retarget.Mapping) -> bool:
-    """Whether the 22 joints hold all of the rig's pose."""
-    return not mapping.unmapped and start.translations is None and mapping.hips == 0
 
 
 def _same(a: Motion, b: Motion) -> bool:

@@ -62,7 +62,7 @@ def train(
     data: prepared databases. phases: for each, the ``phases.npy`` that `interpose train pae` wrote for it, (2, frame,
     10, 3); without them phases are unknown throughout. plan: the run of `interpose train plan` whose planner the steps
     work along; without it they work along interpolation. backward: on motion that runs backwards, for stitching from
-    both ends (`interpose.runtime.backends.dcmoe_both_ends`). compiled: by ``torch.compile``. config: in place of the
+    both ends (`interpose.runtime.backends.dcmoe`). compiled: by ``torch.compile``. config: in place of the
     preset's. Raises InputError for an unknown preset, databases that do not load or are too short, phases that do not
     fit, a planner of other styles, batches that the processes cannot share, and a run folder of another config.
     """

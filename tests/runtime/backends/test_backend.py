@@ -5,7 +5,8 @@ import json
 import pytest
 
 from interpose.errors import InputError
-from interpose.runtime import methods, model_folder
+from interpose.runtime import model_folder
+from interpose.runtime.backends import backend
 from interpose.runtime.backends.registry import BACKENDS, DEFAULT_METHOD
 from interpose.runtime.model_folder import load
 
@@ -45,16 +46,16 @@ def installed(tmp_path, monkeypatch):
 )
 def test_a_model_serves_its_own_method_first_and_the_others_that_it_has_networks_for(installed, name, served):
     model = load(name)
-    assert methods.methods_of(model) == served
+    assert backend.methods_of(model) == served
     for method in BACKENDS:
         if method in served:
-            assert methods.choose(method, name)[0] == method
-            assert methods.abilities_of(method, model).styles == ("Old",)
+            assert backend.choose(method, name)[0] == method
+            assert backend.abilities_of(method, model).styles == ("Old",)
         elif method != "interp":
             with pytest.raises(
                 InputError, match=f"the model '{name}' serves {' and '.join(served)}, not".replace("+", r"\+")
             ):
-                methods.choose(method, name)
+                backend.choose(method, name)
 
 
 @pytest.mark.parametrize(
@@ -73,38 +74,38 @@ def test_a_model_serves_its_own_method_first_and_the_others_that_it_has_networks
     ],
 )
 def test_what_is_left_out_is_chosen(installed, method, model, chosen, served_by):
-    found, session = methods.choose(method, model)
+    found, session = backend.choose(method, model)
     assert found == chosen
     assert (None if session is None else session.name) == served_by
 
 
 def test_what_cannot_be_chosen(installed):
     with pytest.raises(InputError, match="unknown method 'magic'; choose one of dcmoe, stitch"):
-        methods.choose("magic", None)
+        backend.choose("magic", None)
     with pytest.raises(InputError, match="no model 'nowhere'"):
-        methods.choose("dcmoe", "nowhere")
+        backend.choose("dcmoe", "nowhere")
     (installed / "detailed" / "model.json").unlink()
     with pytest.raises(InputError, match=r"no installed model serves method 'stitch\+detail'; name a model that does"):
-        methods.choose("stitch+detail", None)
+        backend.choose("stitch+detail", None)
     with pytest.raises(InputError, match="method 'plan' needs a model"):
-        methods.abilities_of("plan", None)
+        backend.abilities_of("plan", None)
 
 
 def test_backends_are_what_the_registry_names():
     assert DEFAULT_METHOD == "dcmoe"
     for name in BACKENDS:
-        backend = methods.backend_of(name)
-        assert backend.name == name
-        assert backend.summary
-        assert methods.needs_model(name) == (name != "interp")
+        found = backend.backend_of(name)
+        assert found.name == name
+        assert found.summary
+        assert backend.needs_model(name) == (name != "interp")
 
 
 def test_what_methods_can_do(installed):
     model = load("detailed")
-    assert methods.abilities_of("interp", None).longest_seconds is None
-    assert methods.abilities_of("interp", None).any_rig
-    assert methods.abilities_of("stitch", model).latent_variants
-    assert not methods.abilities_of("plan", model).latent_variants
-    assert methods.abilities_of("plan", model).longest_steps == 92
-    assert methods.abilities_of("stitch", model).longest_seconds == pytest.approx(20.0)
-    assert not methods.abilities_of("stitch", model).partial_targets
+    assert backend.abilities_of("interp", None).longest_seconds is None
+    assert backend.abilities_of("interp", None).any_rig
+    assert backend.abilities_of("stitch", model).latent_variants
+    assert not backend.abilities_of("plan", model).latent_variants
+    assert backend.abilities_of("plan", model).longest_steps == 92
+    assert backend.abilities_of("stitch", model).longest_seconds == pytest.approx(20.0)
+    assert not backend.abilities_of("stitch", model).partial_targets
