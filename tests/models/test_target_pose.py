@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from interpose import parts
-from interpose.export.target import example
+from interpose.export.completions import example_target
 from interpose.models.geometry import root_frame, to_matrix, to_six
 from interpose.models.target_pose import TargetInput, TargetPose, TargetSize, posed, residual
 from interpose.skeleton import HUMANOID
@@ -22,7 +22,7 @@ def network():
 
 def asked_for(text, network, batch=4):
     given = parts.parse(text)
-    one = example(network, batch, 1)
+    one = example_target(network, batch, 1)
     one["start_rotations"] = to_six(to_matrix(one["start_rotations"]))
     one["target_rotations"] = to_six(to_matrix(one["target_rotations"]))
     one["joints"] = torch.tensor(given.known).float().expand(batch, -1)

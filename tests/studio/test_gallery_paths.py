@@ -15,6 +15,7 @@ from interpose.gallery.matching import Query, Trace, Window
 from interpose.gallery.proposals import PathRequest, Proposal, Unreachable
 from interpose.gallery.store import Gallery
 from interpose.gallery.weighing import EndStates
+from interpose.runtime.request import Request
 from interpose.studio import gallery_paths
 from interpose.studio.gallery_paths import MOST_PATH_POINTS, POINT_SPACING, point_path
 from interpose.studio.methods import Offer
@@ -109,12 +110,12 @@ def test_a_way_tells_what_it_took_and_another_style_serves_where_its_own_leads_n
 ) -> None:
     styles: list[str | None] = []
     monkeypatch.setattr(gallery_paths.proposals, "propose", found_of(styles, refuses))
-    gallery = models.models[0].gallery
-    (way,) = gallery_paths.find_paths(gallery, clip, clip.motion[:1], clip.motion[3:], 60, "Angry", 1, 0)
+    request = Request("dcmoe", models.models[0], "Angry")
+    (way,) = gallery_paths.find_paths(request, clip, clip.motion[:1], clip.motion[3:], 60, 1)
     assert styles == asked
     assert (way.frames, way.style, way.fit, way.composed) == (69, "Angry", 0.5, True)
 
 
 def test_without_a_gallery_no_ways_are_known(clip: Clip) -> None:
     with pytest.raises(InputError, match="the model has no gallery; draw a path"):
-        gallery_paths.find_paths(None, clip, clip.motion[:1], clip.motion[2:], 30, None, 4, 0)
+        gallery_paths.find_paths(Request("interp"), clip, clip.motion[:1], clip.motion[2:], 30, 4)

@@ -67,8 +67,11 @@ def demo(out: str | PathLike[str], model: Model | None = None) -> list[Made]:
         bvh_file, glb_file, png_file = (folder / f"{scene.name}{suffix}" for suffix in (".bvh", ".glb", ".png"))
         io.write(bvh_file, whole)
         io.write(glb_file, whole, name=scene.name)
-        made.append(Made(scene, candidate.info, (bvh_file, glb_file, png_file)))
-        rows.append(SheetRow(whole, scene.style, _notes(scene, candidate.info)))
+        info, seconds = candidate.info, (scene.frames + 1) / scene.start.rate
+        made.append(Made(scene, info, (bvh_file, glb_file, png_file)))
+        speed = f"made in {1000 * info.seconds:.0f} ms"
+        notes = scene.asked, f"{scene.frames} frames, {seconds:.1f} s", speed, f"foot slide {_slide(info)}"
+        rows.append(SheetRow(whole, scene.style, notes))
     pictures = draw_rows(rows)
     for each, picture in zip(made, pictures, strict=True):
         save(each.files[2], compose([picture]))
@@ -138,16 +141,6 @@ def table(made: list[Made]) -> Table:
     if fallbacks:
         found.caption = f"{len(fallbacks)} made by interpolation: {escape(fallbacks[0])}"
     return found
-
-
-def _notes(scene: Scene, info: Info) -> tuple[str, ...]:
-    seconds = (scene.frames + 1) / scene.start.rate
-    return (
-        scene.asked,
-        f"{scene.frames} frames, {seconds:.1f} s",
-        f"made in {1000 * info.seconds:.0f} ms",
-        f"foot slide {_slide(info)}",
-    )
 
 
 def _slide(info: Info) -> str:

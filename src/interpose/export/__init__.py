@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from interpose.errors import InputError
-from interpose.export import dcmoe, detail, planner, stitch, target
+from interpose.export import completions, dcmoe, planner, stitch
 from interpose.export.folder import check_place, licence
 from interpose.runtime import model_folder
 from interpose.train.common import checkpoint
@@ -29,9 +29,8 @@ def export(
     and is no model folder, where ``onto`` is not what the run completes, and where ONNX Runtime does not give what
     torch gives.
     """
-    saved = checkpoint.load(run_dir)
+    saved = checkpoint.load(run_dir) or {"config": {}}
     check_place(out)
-    saved = saved or {"config": {}}
     config = saved["config"]
     completes = "refines" in config or "completes" in config or config.get("backward", False)
     if completes != (onto is not None):
@@ -39,8 +38,8 @@ def export(
             f"{run_dir}: {'this run completes a model; name it with --onto' if completes else 'no run for --onto'}"
         )
     if onto is not None:
-        completing = target.export if "completes" in config else dcmoe.export_backward
-        write = detail.export if "refines" in config else completing
+        completing = completions.export_target if "completes" in config else dcmoe.export_backward
+        write = completions.export_detail if "refines" in config else completing
         return write(saved, model_folder.load(onto), out, name)
     for key, kind in (("stitch", stitch), ("experts", dcmoe), ("displacement", planner)):
         if key in config:

@@ -15,9 +15,6 @@ from interpose.motion import Motion
 from interpose.render.drawing import Actor, Colour
 from interpose.retarget.mapping import map_skeleton
 from interpose.retarget.transfer import to_humanoid
-from interpose.skeleton import HUMANOID
-
-HIPS = HUMANOID.index("Hips")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +66,7 @@ def cast(motion: Motion) -> Cast:
     except InputError:
         pass
     else:
-        hips = found.joints[HIPS] or 0
+        hips = found.hips
         facing = root.facing(human)
         joints = contacts.detect(human, motion.rate)
         down = np.stack([joints[:, :2].any(axis=1), joints[:, 2:].any(axis=1)], axis=1)

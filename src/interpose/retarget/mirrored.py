@@ -37,7 +37,8 @@ def mirrored(motion: Motion, mapping: Mapping) -> Motion:
     other, rest = counterparts(mapping), _rests(mapping)
     world = motion.global_rotations()
     place = motion.global_positions()[:, hips]
-    facing = _facing(rotation.multiply(world[:, hips], rotation.inverse(rest[hips])))
+    # The rotation of the hips about the vertical since the T-pose.
+    facing = rotation.twist(rotation.multiply(world[:, hips], rotation.inverse(rest[hips])), UP)
 
     def reflected(vectors: Float[ndarray, "frame *rest 3"]) -> Float[ndarray, "frame *rest 3"]:
         """Vectors in each frame's mirror."""
@@ -104,11 +105,6 @@ def _split(name: str) -> tuple[str, str]:
     if found is None:
         return side, base
     return ("Left" if found[1].lower() == "l" else "Right"), name[: found.start()] + name[found.end() :]
-
-
-def _facing(turned: Float[ndarray, "frame 4"]) -> Float[ndarray, "frame 4"]:
-    """The rotation of the hips about the vertical since the T-pose."""
-    return rotation.twist(turned, UP)
 
 
 def _rests(mapping: Mapping) -> Float[ndarray, "joint 4"]:

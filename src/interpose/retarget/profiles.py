@@ -115,20 +115,10 @@ PROFILES = (
     Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Foot", "*_Collar *_Shoulder *_Elbow *_Wrist"),
     Profile("SMPL", "Pelvis", "Head", "*_Hip *_Knee *_Ankle *_Toe", "*_Thorax *_Shoulder *_Elbow *_Wrist", _UPPER),
     Profile(
-        "Unreal",
-        "pelvis",
-        "head",
-        "thigh_* calf_* foot_* ball_*",
-        "clavicle_* upperarm_* lowerarm_* hand_*",
-        _LOWER,
+        "Unreal", "pelvis", "head", "thigh_* calf_* foot_* ball_*", "clavicle_* upperarm_* lowerarm_* hand_*", _LOWER
     ),
     Profile(
-        "Rigify",
-        "spine",
-        "spine.006",
-        "thigh.* shin.* foot.* toe.*",
-        "shoulder.* upper_arm.* forearm.* hand.*",
-        _UPPER,
+        "Rigify", "spine", "spine.006", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _UPPER
     ),
     Profile("Rigify", "hips", "head", "thigh.* shin.* foot.* toe.*", "shoulder.* upper_arm.* forearm.* hand.*", _UPPER),
     Profile("Biped", "Pelvis", "Head", "*Thigh *Calf *Foot *Toe0", "*Clavicle *UpperArm *Forearm *Hand", _UPPER),

@@ -224,7 +224,8 @@ def _transitions(
     guided: list[Guidance | None] = [None] * len(starts)
     if gap is None or isinstance(mapping, str) or interpolated or fallback is not None:
         if frames is None and suggested is not None and fallback is None:
-            frames = _frames_at(suggested, request.speed)
+            by_speed = {each.speed: each.frames for each in suggested.alternatives}
+            frames = by_speed.get(request.speed or "", suggested.frames)
         if frames is None:
             raise InputError(f"cannot suggest a duration: {fallback}; give a number of frames")
         sizes = [frames] * len(starts)
@@ -308,12 +309,6 @@ def _in_frames(suggestion: Suggestion, rate: float) -> SuggestedDuration:
     """The suggestion in frames of the user's rate."""
     each = tuple(SpeedOption(g.speed, user_frames(g.steps, rate), round(g.fit, 3)) for g in suggestion.groups)
     return SuggestedDuration(user_frames(suggestion.steps, rate), each)
-
-
-def _frames_at(suggested: SuggestedDuration, speed: str | None) -> int:
-    """The frames of a speed, or the suggestion's own."""
-    found = [each.frames for each in suggested.alternatives if each.speed == speed]
-    return found[0] if found else suggested.frames
 
 
 def _why_not(frames: int | None, rate: float, request: Request, mapping: retarget.Mapping | str) -> str | None:

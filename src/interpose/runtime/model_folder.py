@@ -35,7 +35,6 @@ class Session:
 
     path: Path
     info: dict[str, Any]
-    threads: int = 1
     _open: dict[str, onnxruntime.InferenceSession] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -118,8 +117,7 @@ class Session:
 
     def _load(self, name: str) -> onnxruntime.InferenceSession:
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = self.threads
-        options.inter_op_num_threads = 1
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         file = self.path / f"{name}.onnx"
         try:
@@ -187,7 +185,7 @@ def installed() -> list[Path]:
     return sorted(found, key=lambda p: p.name != DEFAULT_MODEL)
 
 
-def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Session:
+def load(name: str | os.PathLike[str] | None = None) -> Session:
     """The default model, an installed one by its name, or one from a folder. Raises InputError where there is none."""
     path = _folder(DEFAULT_MODEL if name is None else name)
     file = path / "model.json"
@@ -204,7 +202,7 @@ def load(name: str | os.PathLike[str] | None = None, threads: int = 1) -> Sessio
         raise InputError(f"{file} lacks {', '.join(missing)}; export the model again")
     if info["format"] != FORMAT:
         raise InputError(f"{file} has format {info['format']}, this program needs {FORMAT}; export the model again")
-    return Session(path, info, threads)
+    return Session(path, info)
 
 
 def _folder(name: str | os.PathLike[str]) -> Path:

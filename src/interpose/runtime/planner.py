@@ -90,17 +90,9 @@ def base(
         added, latent = predict(session, inputs, noise, out.shape[1])
         planned = [longest is None or n <= longest for n in steps]
         out += added * np.array(planned, dtype=float)[:, None, None]
-    return on_paths(out, batch.paths, batch.path_control), latent
-
-
-def on_paths(
-    base: Float[ndarray, "batch time pose"], paths: Sequence[Path | None], control: float
-) -> Float[ndarray, "batch time pose"]:
-    """The base with its roots moved onto their paths between the keys, by that share."""
-    out = base.copy()
-    for row, path in enumerate(paths):
+    for row, path in enumerate(batch.paths):
         if path is not None:
             inner = slice(1, len(path) - 1)
-            out[row, inner, 0] += control * (path[inner, 0] - out[row, inner, 0])
-            out[row, inner, 2] += control * (path[inner, 1] - out[row, inner, 2])
-    return out
+            out[row, inner, 0] += batch.path_control * (path[inner, 0] - out[row, inner, 0])
+            out[row, inner, 2] += batch.path_control * (path[inner, 1] - out[row, inner, 2])
+    return out, latent

@@ -23,7 +23,7 @@ from interpose.runtime.gap_batch import Batch, Generated, batch_of, draws
 from interpose.runtime.guidance import Guidance
 from interpose.runtime.inertia import NeighbourPose
 from interpose.runtime.interpolate import aligned
-from interpose.runtime.poses import Path
+from interpose.runtime.poses import Path, pose_of
 from interpose.runtime.request import Request
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE, model_steps, recent, to_user_rate
 from interpose.skeleton import HUMANOID
@@ -59,9 +59,8 @@ class KnownFrames:
         """The joints' velocities at the target, where they are known."""
         if self.after is None:
             return None
-        here = Motion(HUMANOID, self.goal[0][:, 0], self.goal[1][:, 0], MODEL_RATE).global_positions()
-        there = Motion(HUMANOID, self.after.root, self.after.local, MODEL_RATE).global_positions()
-        return np.asarray((there - here) / self.after.seconds)
+        here, there = pose_of(self.goal[0][:, 0], self.goal[1][:, 0]), pose_of(self.after.root, self.after.local)
+        return np.asarray((there.positions - here.positions) / self.after.seconds)
 
     def take(self, rows: list[int]) -> KnownFrames:
         """Of some rows."""
@@ -170,11 +169,8 @@ def _finished(
 
 def _moving(before: NeighbourPose, context: Batch) -> Bool[ndarray, "batch 4"]:
     """Which foot joints come to the start key in motion: such a foot does not stand there yet."""
-
-    def feet_of(root: Float[ndarray, "batch 3"], local: Float[ndarray, "batch 22 4"]) -> Float[ndarray, "batch 4 3"]:
-        return Motion(HUMANOID, root, local, MODEL_RATE).global_positions()[:, CONTACT_INDICES]
-
-    moved = feet_of(context[0][:, -1], context[1][:, -1]) - feet_of(before.root, before.local)
+    here, there = pose_of(context[0][:, -1], context[1][:, -1]), pose_of(before.root, before.local)
+    moved = (here.positions - there.positions)[:, CONTACT_INDICES]
     return np.linalg.norm(moved, axis=-1) > LANDING_SPEED * before.seconds
 
 

@@ -9,9 +9,9 @@ from numpy import ndarray
 from interpose.errors import InputError
 from interpose.gallery import proposals
 from interpose.gallery.proposals import PathRequest, Unreachable
-from interpose.gallery.store import Gallery
 from interpose.motion import Motion
 from interpose.runtime.inbetween import gap_of
+from interpose.runtime.request import Request
 from interpose.runtime.resampling import model_steps, user_frames
 from interpose.studio.project_format import PointPath
 from interpose.studio.protocol import GalleryPath
@@ -22,32 +22,24 @@ POINT_SPACING = 0.02
 """Least distance between two points in metres; a trajectory that stays in place has one point."""
 
 
-def find_paths(
-    gallery: Gallery | None,
-    clip: Clip,
-    start: Motion,
-    goal: Motion,
-    frames: int,
-    style: str | None,
-    count: int,
-    seed: int,
-) -> list[GalleryPath]:
-    """At most ``count`` paths for a gap of ``frames`` frames, the most likely first; of a style if it has any.
+def find_paths(request: Request, clip: Clip, start: Motion, goal: Motion, frames: int, count: int) -> list[GalleryPath]:
+    """At most ``count`` paths for a gap of ``frames`` frames, the most likely first; of the request's style if the
+    gallery has any.
 
     Raises InputError if the rig is not a humanoid, there is no gallery, or none of its trajectories fits.
     """
-    mapping = clip.humanoid
+    mapping, gallery = clip.humanoid, request.trajectories
     if gallery is None:
         raise InputError("the model has no gallery; draw a path, or choose another model")
     gap, rate = gap_of(start, goal, mapping), clip.motion.rate
     steps = model_steps(frames, rate)
-    query = PathRequest(steps, style=style if style in gallery.styles else None)
+    query = PathRequest(steps, style=request.matched_style)
     try:
-        found = proposals.propose(gallery, gap.query, query, gap.ends, count=count, seed=seed)
+        found = proposals.propose(gallery, gap.query, query, gap.ends, count=count, seed=request.seed)
     except Unreachable:
         if query.style is None:
             raise
-        found = proposals.propose(gallery, gap.query, PathRequest(steps), gap.ends, count=count, seed=seed)
+        found = proposals.propose(gallery, gap.query, PathRequest(steps), gap.ends, count=count, seed=request.seed)
     seconds = (frames + 1) / rate
     return [
         GalleryPath(

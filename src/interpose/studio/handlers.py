@@ -18,7 +18,6 @@ from interpose.runtime import inbetween
 from interpose.runtime.interpolate import aligned
 from interpose.runtime.request import Info, Request
 from interpose.runtime.resampling import CONTEXT, MODEL_RATE
-from interpose.runtime.style_blend import leading
 from interpose.studio import gallery_paths, pose_library, pose_rows
 from interpose.studio.messages import shapes
 from interpose.studio.methods import Offer
@@ -107,9 +106,7 @@ def find_paths(message: FindPaths, arrays: Arrays, clip: Clip, offer: Offer) -> 
     found: list[GalleryPath] = []
     reason = None
     try:
-        found = gallery_paths.find_paths(
-            request.trajectories, clip, start, goal, message.frames, leading(request.style), message.count, request.seed
-        )
+        found = gallery_paths.find_paths(request, clip, start, goal, message.frames, message.count)
     except InputError as error:
         reason = str(error)
     return GalleryPaths(type="gallery-paths", id=message.id, paths=found, reason=reason), {}

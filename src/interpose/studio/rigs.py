@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,10 +73,8 @@ class RigStore:
     def open(self, data: bytes, name: str) -> Clip:
         """The file with these bytes, parsed if it is new. Raises InputError if it cannot be parsed."""
         id = identity(data)
-        try:
+        with suppress(UnknownRig):
             return self.get(id)
-        except UnknownRig:
-            pass
         motion = io.parse(data, name)
         clip = Clip(id, motion, mapping_of(motion))
         with self._lock:

@@ -39,7 +39,10 @@ class OriginCheck:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message = _with(message, self._headers, scope["path"])
+                own = list(message.get("headers", []))
+                if scope["path"].startswith("/api/") and not any(name.lower() == b"cache-control" for name, _ in own):
+                    own.append((b"cache-control", b"no-store"))
+                message = {**message, "headers": own + self._headers}
             await send(message)
 
         reason = refusal(scope, self._hosts)
@@ -92,10 +95,3 @@ def headers(hosts: tuple[str, ...]) -> list[tuple[bytes, bytes]]:
         "cross-origin-resource-policy": "same-origin",
     }
     return [(name.encode(), value.encode()) for name, value in values.items()]
-
-
-def _with(message: Message, headers: list[tuple[bytes, bytes]], path: str) -> Message:
-    own = list(message.get("headers", []))
-    if path.startswith("/api/") and not any(name.lower() == b"cache-control" for name, _ in own):
-        own.append((b"cache-control", b"no-store"))
-    return {**message, "headers": own + headers}

@@ -79,7 +79,5 @@ def _browse(address: str) -> None:
     """Opens a browser if there is a display. The address is printed in any case."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return
-    try:
+    with suppress(Exception):  # the address has been printed already
         webbrowser.open(address)
-    except Exception:  # the address has been printed already
-        return

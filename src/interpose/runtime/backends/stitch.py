@@ -57,16 +57,14 @@ def _stitch(session: Session, batch: GapBatch, refined: bool) -> Generated:
     steps, network = batch.longest + 1, session.info["network"]
     buffer, aligned, both = session.chain_layout
     moves = schedule(steps, buffer, aligned, both)
-    by_gap, latent = network["latents"] == "gap", None
-    if not by_gap:
-        latent = planner.noise(batch.draws, (len(moves), network["latent"]))
+    by_gap = network["latents"] == "gap"
     drawn = (
         planner.noise(batch.draws, (session.plan_latent,)) if by_gap else np.zeros((len(batch), session.plan_latent))
     )
     base, z = planner.base(session, batch, drawn if session.has_planner else None)
     if not network["planned"]:
         base, _ = planner.base(session, batch, None)
-    latent = z if by_gap else latent
+    latent = z if by_gap else planner.noise(batch.draws, (len(moves), network["latent"]))
     assert latent is not None
     speeds = batch.leaving, None if batch.arriving is None else -batch.arriving
     poses = batch.start, batch.target

@@ -8,7 +8,7 @@ import torch
 
 from interpose import export as exporting
 from interpose.errors import InputError
-from interpose.export.target import example
+from interpose.export.completions import example_target
 from interpose.models.target_pose import Complete, TargetPose, TargetSize
 from interpose.runtime.model_folder import load
 from interpose.train.common import checkpoint, loop
@@ -37,7 +37,7 @@ def test_a_model_is_completed(tmp_path, model_folder):
     session = load(made)
     assert session.completes
     assert not load(model_folder).completes
-    feed = example(model, 5, 3)
+    feed = example_target(model, 5, 3)
     made_poses = session.run("target", {name: value.numpy() for name, value in feed.items()})
     assert set(session._open) == {"target"}  # the step is not opened for it
     with torch.no_grad():
