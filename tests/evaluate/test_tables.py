@@ -3,11 +3,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import fields
-from pathlib import Path
 
-import pytest
-
-from interpose.errors import InputError
 from interpose.evaluate import tables
 from interpose.evaluate.tables import ResultRow
 
@@ -48,22 +44,3 @@ def test_markdown_has_a_table_a_metric_and_leaves_gaps_where_there_is_no_number(
 def test_every_metric_of_the_design_has_a_unit() -> None:
     named = {"L2P", "L2Q", "L2Q_aligned", "NPSS", "APD", "ADE", "SLDE", "MMPE", "foot_slide", "arrival_position"}
     assert named <= set(tables.METRICS)
-
-
-def test_write_makes_the_folder_and_leaves_nothing_else_in_it(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    tables.write(ROWS, tmp_path / "a" / "b", "# Results\n")
-    written = {path.name for path in (tmp_path / "a" / "b").iterdir()}
-    assert written == {"results.json", "results.csv", "results.md", "l2p.png"}
-
-
-def test_without_matplotlib_there_are_tables_and_no_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    tables.write(ROWS, tmp_path, "# Results\n")
-    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "results.csv", "results.md"}
-
-
-def test_a_folder_that_cannot_be_made_is_the_inputs_fault(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="the folder cannot be made"):
-        tables.write(ROWS, tmp_path / "file" / "out", "# Results\n")

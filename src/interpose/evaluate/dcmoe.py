@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from interpose.errors import InputError
-from interpose.evaluate import metrics, tables, windows
+from interpose.evaluate import metrics, report, tables, windows
 from interpose.evaluate.case import Case, check_lengths, scores, truth_scores
 from interpose.evaluate.fill import INTERP, Contender, fill, guided_paths, parse
 from interpose.evaluate.lafan1 import LAFAN1_METRICS
@@ -68,7 +68,7 @@ def evaluate_dcmoe(
         if len(chosen) > 1 and len({one.backend.name for one in chosen}) == 1:
             found |= {"mean" + kind: metrics.mean_of_samples([each[kind] for each in kinds]) for kind in kinds[0]}
         rows += rows_of(case.protocol, case.length, found, base, seed)
-    tables.write(rows, out, tables.to_markdown(rows, DCMOE_HEADING))
+    report.write(rows, out, tables.to_markdown(rows, DCMOE_HEADING))
     drawn = sheet_rows(source, chosen[0])
     for page, first in enumerate(range(0, len(drawn), SHEET_ROWS), 1):
         contact_sheet(out / f"gaps-{page}.png", drawn[first : first + SHEET_ROWS])

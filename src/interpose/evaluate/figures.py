@@ -10,16 +10,15 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from interpose.evaluate.tables import ResultRow
 from interpose.gallery.plots.canvas import png
 from interpose.io.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from interpose.evaluate.tables import ResultRow
 else:  # what checks types while tests run cannot see them
-    Axes = Figure = ResultRow = Any
+    Axes = Figure = Any
 
 RATIO_TICKS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50)
 NUMBERED_STYLES = 20

@@ -18,7 +18,7 @@ from interpose import rotation
 from interpose.data.database import Database
 from interpose.data.split import Ranges, training_ranges
 from interpose.errors import InputError
-from interpose.evaluate import metrics, tables
+from interpose.evaluate import metrics, report, tables
 from interpose.evaluate.case import Case, database_windows, scores, truth_scores
 from interpose.evaluate.fill import INTERP, Contender, fill, guided_paths
 from interpose.evaluate.metrics import Scores
@@ -81,7 +81,7 @@ def evaluate_gallery(
         errors.append(duration_errors(case, gallery, seed))
         rows += _duration_rows(errors[-1], frames, seed)
     rows += _duration_rows(np.concatenate(errors), 0, seed)
-    tables.write(rows, out, tables.to_markdown(rows, GALLERY_HEADING))
+    report.write(rows, out, tables.to_markdown(rows, GALLERY_HEADING))
     return rows
 
 

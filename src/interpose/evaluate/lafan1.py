@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from interpose.errors import InputError
-from interpose.evaluate import tables, windows
+from interpose.evaluate import report, tables, windows
 from interpose.evaluate.case import COMPARED, Case, check_lengths, scores, truth_scores
 from interpose.evaluate.fill import INTERP, Contender, fill, parse
 from interpose.evaluate.tables import TRUTH, ResultRow, rows_of
@@ -51,7 +51,7 @@ def evaluate_lafan1(
     rows: list[ResultRow] = []
     for case in windows.cases(windows.read(data), lengths):
         rows += case_rows(case, chosen, seed, progress)
-    tables.write(rows, out, tables.to_markdown(rows, LAFAN1_HEADING))
+    report.write(rows, out, tables.to_markdown(rows, LAFAN1_HEADING))
     return rows
 
 

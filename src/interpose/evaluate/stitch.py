@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from interpose.evaluate import figures, metrics, tables, windows
+from interpose.evaluate import figures, metrics, report, tables, windows
 from interpose.evaluate.case import COMPARED, Case, Windows, check_lengths, scores, truth_scores
 from interpose.evaluate.fill import INTERP, Contender, fill, parse
 from interpose.evaluate.metrics import Scores
@@ -72,7 +72,7 @@ def evaluate_stitch(
             progress(f"{method.name}: {len(case)} gaps of {case.length} frames, {count} samples each")
             errors[method.name], found = sample_scores(case, method, count, seed)
             rows += rows_of(case.protocol, case.length, found, base, seed)
-    tables.write(rows, out, tables.to_markdown(rows, STITCH_HEADING))
+    report.write(rows, out, tables.to_markdown(rows, STITCH_HEADING))
     figures.draw_errors(errors, out / "errors.png")
     if sampled:
         heading = f"{sampled[0].name}: one gap of {max(lengths)} frames"

@@ -18,7 +18,7 @@ from interpose.data import style_windows
 from interpose.data.database import Database
 from interpose.data.split import Ranges, training_ranges
 from interpose.errors import InputError
-from interpose.evaluate import figures, metrics, style_tables, tables
+from interpose.evaluate import figures, metrics, report, style_tables
 from interpose.evaluate.case import Case, Windows, check_lengths, database_windows
 from interpose.evaluate.fill import INTERP, Contender, fill
 from interpose.evaluate.style_tables import StyleKind, StyleResults
@@ -88,7 +88,7 @@ def evaluate_style(
     chosen = splits(database, part)
     found = classify(database, session, chosen, strengths, sorted(set(lengths)), seed, progress)
     rows = [row for kind, pairs in found.predictions.items() for row in _rows(kind, pairs, found.styles, seed)]
-    tables.write(rows, out, style_tables.to_markdown(found, session.name))
+    report.write(rows, out, style_tables.to_markdown(found, session.name))
     figures.draw_confusion(style_tables.matrices(found), found.styles, out / "confusion.png")
     return rows
 

@@ -1,4 +1,4 @@
-"""Results of an evaluation as rows, and the rows as JSON, CSV and Markdown. A file is written whole or not at all."""
+"""Results of an evaluation as rows, and the rows as JSON, CSV and Markdown."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
-from interpose.errors import InputError
-from interpose.evaluate import figures
 from interpose.evaluate.metrics import Scores, interval
-from interpose.io.files import write_whole
 
 TRUTH = "truth"
 """The name of the recorded motion, which has the metrics that need no comparison."""
@@ -92,22 +88,6 @@ def rows_of(
             row = method, protocol, length, name, score.value, ratio, *interval(draws)
             rows.append(ResultRow(*row, context_frames, ratio_low, ratio_high))
     return rows
-
-
-def write(rows: Sequence[ResultRow], folder: Path, markdown: str) -> None:
-    """Write ``results.json``, ``.csv``, ``.md`` and, where it shows something, ``l2p.png``.
-
-    Without matplotlib there is no figure. Raises InputError where the folder cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: the folder cannot be made: {(error.strerror or str(error)).lower()}") from None
-    for suffix, text in {"json": to_json(rows), "csv": to_csv(rows), "md": markdown}.items():
-        write_whole(folder / f"results.{suffix}", text.encode())
-    ratios = [row for row in rows if row.metric == "L2P" and not math.isnan(row.ratio_to_interp)]
-    if ratios:
-        figures.draw_ratios(ratios, folder / "l2p.png")
 
 
 def to_json(rows: Sequence[ResultRow]) -> str:
