@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from scipy.cluster.vq import kmeans2
 
 from interpose.errors import InputError
-from interpose.gallery.speeds import SPEEDS, group_of, suggest
+from interpose.gallery.speeds import SPEEDS, exact_groups, group_of, suggest
 
 durations = st.lists(st.integers(15, 150), min_size=1, max_size=60)
 # fmt: off
@@ -108,3 +109,17 @@ def test_fewer_different_durations_make_fewer_groups(count):
 def test_another_word_is_no_speed(speed):
     with pytest.raises(InputError, match=f"unknown speed '{speed}'; use fast, medium, slow"):
         group_of(told([30, 60, 90]), speed)
+
+
+def inertia(points, label):
+    return sum(np.var(points[label == each]) * np.sum(label == each) for each in np.unique(label))
+
+
+@pytest.mark.filterwarnings("ignore:One of the clusters is empty")
+@given(st.lists(st.integers(1, 300), min_size=6, max_size=60))
+def test_no_start_of_k_means_finds_better_groups(steps):
+    points = np.sort(np.array(steps))
+    ours = inertia(points, exact_groups(points))
+    for seed in range(8):
+        _, label = kmeans2(points[:, None].astype(float), 3, 20, seed=seed, minit="points", missing="warn")
+        assert ours <= inertia(points, label) + 1e-6

@@ -5,13 +5,12 @@ Chu and Yang 2024, section 4.2: k-means puts the candidates' numbers of frames i
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.cluster.vq import ClusterError, kmeans2
 
 from interpose.errors import InputError
 
@@ -47,7 +46,7 @@ def suggest(steps: Int[ndarray, "candidate"], weights: Float[ndarray, "candidate
     steps, share = steps[order].astype(int), np.cumsum(weights[order]) / weights.sum()
     at = (np.arange(_DURATION_POINTS) + 0.5) / _DURATION_POINTS
     points = steps[np.minimum(np.searchsorted(share, at), len(steps) - 1)]
-    label = _labels(points)
+    label = exact_groups(points)
     groups = []
     used = np.unique(label)
     for name, each in zip(_SPEED_NAMES[len(used)], used, strict=True):
@@ -58,16 +57,17 @@ def suggest(steps: Int[ndarray, "candidate"], weights: Float[ndarray, "candidate
     return Suggestion(int(points[(_DURATION_POINTS - 1) // 2]), tuple(groups))
 
 
-def _labels(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
-    """k-means, started from evenly spread durations so that it does not depend on a random draw."""
-    different = np.unique(points)
-    for count in range(min(len(SPEEDS), len(different)), 1, -1):
-        begin = different[((np.arange(count) + 0.5) / count * len(different)).astype(int)]
-        with suppress(ClusterError):  # a group lost all its points: try fewer groups
-            return kmeans2(
-                points[:, None].astype(float), begin[:, None].astype(float), 100, minit="matrix", missing="raise"
-            )[1]
-    return np.zeros(len(points), dtype=np.int64)
+def exact_groups(points: Int[ndarray, "point"]) -> Int[ndarray, "point"]:
+    """k-means, exactly: in one dimension the groups of least variance are intervals, so all cuts are compared."""
+    values, count = np.unique(points, return_counts=True)
+    groups = min(len(SPEEDS), len(values))
+    sums = [np.insert(np.cumsum(count * values.astype(float) ** power), 0, 0.0) for power in range(3)]
+    each_cut = list(combinations(range(1, len(values)), groups - 1))
+    cuts = np.array(each_cut, dtype=int).reshape(len(each_cut), groups - 1)
+    bounds = np.pad(cuts, ((0, 0), (1, 1)), constant_values=((0, 0), (0, len(values))))
+    weight, total, squares = (each[bounds[:, 1:]] - each[bounds[:, :-1]] for each in sums)
+    best = cuts[np.argmin((squares - total**2 / weight).sum(axis=1))]
+    return np.searchsorted(values[best], points, side="right")
 
 
 def check_speed(speed: str) -> None:
