@@ -120,7 +120,11 @@ def test_a_clip_is_opened_keyed_shaped_and_exported(page: Page, walk: Path, tmp_
     assert abs(halfway[0] - middle[0]) < 0.3, "the root follows the drawn path"
 
     # Four variants: thumbnails to choose from.
-    page.get_by_test_id("gap-30").click()
+    box = page.get_by_test_id("gap-30").bounding_box()
+    assert box is not None
+    page.get_by_test_id("gap-30").click(
+        position={"x": 0.25 * box["width"], "y": 0.5 * box["height"]}
+    )  # not the playhead
     page.get_by_test_id("path-auto").click()
     page.get_by_test_id("variants").fill("4")
     page.get_by_test_id("variants").press("Enter")

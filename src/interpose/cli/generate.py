@@ -134,6 +134,8 @@ def _report(paths: Sequence[Path], infos: Sequence[Sequence[Info]], as_json: boo
                 print(json.dumps({**asdict(info), "variant": variant, "output": str(path)}, ensure_ascii=False))
             else:
                 print(_summary(info), file=sys.stderr)
+            for warning in info.warnings:
+                print(f"warning: {info.start} -> {info.target}: {warning}", file=sys.stderr)
         print(f"wrote {path}", file=sys.stderr)
 
 

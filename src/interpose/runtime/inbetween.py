@@ -19,7 +19,8 @@ from interpose.gallery.speeds import Suggestion
 from interpose.keys import gaps
 from interpose.motion import Motion, concatenate, sample
 from interpose.parts import Parts
-from interpose.runtime import guidance, target_parts
+from interpose.runtime import guidance, known_frames, target_parts
+from interpose.runtime.confidence import LOW, warning
 from interpose.runtime.guidance import Gap, Guidance
 from interpose.runtime.interpolate import aligned, check_gap, interpolate
 from interpose.runtime.ranking import apart, judge
@@ -211,6 +212,9 @@ def _transitions(
     began = time.perf_counter()
     rate = starts[0].rate
     first, last = aligned(starts[0][-1], target[0])
+    warnings: list[str] = []
+    if not isinstance(mapping, str):
+        starts, target, warnings = _moving(starts, target, mapping)
     goal = aligned(starts[0], target)[1]
     _check_finite(first, last)
     drawn = _drawn(request, names)
@@ -255,7 +259,9 @@ def _transitions(
             arrival_rotation_error_deg=round(angle, 6),
             foot_slide_cm_per_frame=_rounded(slide, 4),
             seconds=round(seconds, 6),
-            fallback=fallback if guide is None else guide.note or _strayed(one.deviation),
+            fallback=fallback if guide is None else guide.note,
+            confidence=_rounded(one.confidence, 3),
+            warnings=(*warnings, *_strayed(one.deviation), *_unsure(one.confidence)),
             speed=request.speed,
             trajectory=None if guide is None else guide.trajectory,
             path_deviation_m=_rounded(one.deviation, 5),
@@ -285,11 +291,24 @@ def _check_finite(*poses: Motion) -> None:
             raise InputError("a key pose holds numbers that are not finite (NaN or infinite); give poses without them")
 
 
-def _strayed(deviation: float | None) -> str | None:
+def _moving(starts: list[Motion], target: Motion, mapping: retarget.Mapping) -> tuple[list[Motion], Motion, list[str]]:
+    """Starts, which have one length, and the target without known frames that are no motion, and what is said of it."""
+    before = min(len(known_frames.motion_before(start, mapping)) for start in starts)
+    after = len(known_frames.motion_after(target, mapping))
+    dropped = ((len(starts[0]) - before, True), (len(target) - after, False))
+    warnings = [known_frames.warning(count, before_key) for count, before_key in dropped if count]
+    return [start[-before:] for start in starts], target[:after], warnings
+
+
+def _strayed(deviation: float | None) -> list[str]:
     """A warning where the root does not keep to its path."""
     if deviation is None or deviation <= STRAYED:
-        return None
-    return f"the root strays {deviation:.2f} m from its path on average; give more time, or a path nearer to the keys"
+        return []
+    return [f"the root strays {deviation:.2f} m from its path on average; give more time, or a path nearer to the keys"]
+
+
+def _unsure(confidence: float | None) -> list[str]:
+    return [] if confidence is None or confidence >= LOW else [warning(confidence)]
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

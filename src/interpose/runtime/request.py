@@ -120,7 +120,8 @@ class Info:
     keys, per 30 Hz frame; None where the rig's feet are not known. seconds: wall time of the gap, all variants
     together. fallback: None, or what could not be served as requested, why, and what served instead. speed,
     style_strength, target_joints: as requested; where only some joints of the target were given the arrival errors are
-    theirs. suggested: where no number of frames was given.
+    theirs. suggested: where no number of frames was given. confidence: 0 to 1, how far the model knows such a gap,
+    None where that is not known. warnings: sentences on what is doubtful in the result.
     """
 
     start: int | str
@@ -143,3 +144,5 @@ class Info:
     suggested: SuggestedDuration | None = None
     style_strength: float = 1.0
     target_joints: str | None = None
+    confidence: float | None = None
+    warnings: tuple[str, ...] = ()

@@ -17,7 +17,7 @@ from interpose import retarget
 from interpose.data.contacts import CONTACT_INDICES
 from interpose.gallery.paths import retime
 from interpose.motion import Motion, concatenate, sample
-from interpose.runtime import inertia
+from interpose.runtime import confidence, inertia, joint_limits
 from interpose.runtime.feet import lock
 from interpose.runtime.gap_batch import Batch, Generated, batch_of, draws
 from interpose.runtime.guidance import Guidance
@@ -38,11 +38,12 @@ LANDING_SPEED = 0.5
 class Transition:
     """One transition: its frames on the rig with both ends, and how far its root strays from its path on average.
 
-    deviation: metres on the rig; None where it had no path.
+    deviation: metres on the rig; None where it had no path. confidence: 0 to 1, None where it is not known.
     """
 
     motion: Motion
     deviation: float | None
+    confidence: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,20 +92,18 @@ def generate(
     steps = [model_steps(n, rate) for n in frames]
     paths = [None if g.path is None else retime(g.path, n) for g, n in zip(guidance, steps, strict=True)]
     keys = _keys(starts, target, mapping)
-    made = request.backend.generate(
-        request.model,
-        batch_of(
-            keys.context,
-            keys.goal,
-            [n - 1 for n in steps],
-            styles=[g.style for g in guidance],
-            paths=paths,
-            draws=draws(request.seed, len(starts)),
-            arriving=keys.arriving,
-            style_strength=request.style_strength,
-            path_control=request.path_control,
-        ),
+    batch = batch_of(
+        keys.context,
+        keys.goal,
+        [n - 1 for n in steps],
+        styles=[g.style for g in guidance],
+        paths=paths,
+        draws=draws(request.seed, len(starts)),
+        arriving=keys.arriving,
+        style_strength=request.style_strength,
+        path_control=request.path_control,
     )
+    made, sure = confidence.judged(request.model, batch, request.backend.generate(request.model, batch))
     on_grid: dict[int, tuple[Float[ndarray, "frame 3"], Float[ndarray, "frame 22 4"]]] = {}
     for size in sorted(set(frames)):
         rows = [row for row, n in enumerate(frames) if n == size]
@@ -120,8 +119,12 @@ def generate(
     on_rig = retarget.from_humanoid(whole, mapping, details)
     ends = np.cumsum([n + 2 for n in frames]).tolist()
     return [
-        Transition(on_rig[end - n - 2 : end], None if path is None else path_deviation(root, path) / mapping.scale)
-        for n, end, path, root in zip(frames, ends, paths, made.root, strict=True)
+        Transition(
+            on_rig[end - n - 2 : end],
+            None if path is None else path_deviation(root, path) / mapping.scale,
+            None if sure is None else float(sure[row]),
+        )
+        for row, (n, end, path, root) in enumerate(zip(frames, ends, paths, made.root, strict=True))
     ]
 
 
@@ -160,6 +163,8 @@ def _finished(
         root, local = inertia.leave(root, local, keys.before, step)
     if keys.after is not None:
         root, local = inertia.arrive(root, local, keys.after, step)
+    root = joint_limits.above_floor(root, local)
+    local = joint_limits.hinged(root, local)
     local = lock.plant_batch(root, local, contacts)
     past = keys.context[0].shape[1] - 1
     root = np.concatenate([keys.context[0][:, :-1], root], axis=1)

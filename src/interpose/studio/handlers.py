@@ -203,5 +203,5 @@ def _candidate_info(info: Info) -> CandidateInfo:
         foot_slide=info.foot_slide_cm_per_frame,
         fit=info.fit,
         path_deviation=info.path_deviation_m,
-        fallback=info.fallback,
+        fallback="; ".join(note for note in (info.fallback, *info.warnings) if note) or None,
     )
